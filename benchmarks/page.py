@@ -69,7 +69,7 @@ def _say_alone(name: str, found: dict[str, Any]) -> str:
 
 
 def _say_again(again: dict[str, dict[str, Any]]) -> str:
-    """Say who measured which rows anew: facts by the row's name."""
+    """Say who measured which rows again: facts by the row's name."""
     names: dict[str, list[str]] = {}
     for what, facts in again.items():
         where = f'version {facts["version"]}, {facts["date"]}, {facts["machine"]}'

@@ -86,7 +86,7 @@ class Rig:
         return header['status']['code'], answer['data'], answer['binary']
 
     def command(self, raw):
-        """Have a LowCmd come."""
+        """Bring a LowCmd."""
         self.wire.come['rt/lowcmd'].append(raw)
 
     @property

@@ -17,7 +17,7 @@ class Player:
     """
     Runs a network at its own period; between its steps targets stay.
 
-    State: the past of the observation, the last action, the time to the next step. Whoever calls
+    State: the past of the observation, the last action, the time to the next step. The caller of
     `step` applies the targets by torque = stiffness (target - q) - damping dq at every physics
     step. `failure` says why there are none any more, '' while all is well.
     """
@@ -52,7 +52,7 @@ class Player:
         self._wait -= dt
         if self._wait > _ALMOST * self.spec.period or self.failure:
             return self._targets
-        # Who comes late by a step begins to count anew.
+        # After a step that came a whole period late, the time counts from now.
         late = self._wait if self._wait > -self.spec.period else 0.0
         self._wait = late + self.spec.period
         self.observation = self._observer.step(senses, command, self.action)

@@ -28,8 +28,8 @@ class KeysToTwistNode(Node):
 
     Alone it makes its logic by the parameters, and steps itself with a timer on its own clock
     (simulated time, if so set). Who gives it a `logic`, to which all parameters but preset and
-    layout are applied, calls `step` and hands keys over by `keys.put`. `receivers` are called with
-    each message first: controllers of the same process.
+    layout are applied, steps that, by `step` or by itself. `receivers` are called with each
+    message first.
 
     Raises:
         InvalidParameter: when a parameter or the preset is not valid.

@@ -39,7 +39,7 @@ def player(dog):
 
 
 def say(dog, action):
-    """Have the network say something else from now on."""
+    """Let the network say something else from now on."""
     walker = player(dog)
     walker.policy = walker.policy._replace(network=lambda shown: np.asarray(action))
 

@@ -73,7 +73,7 @@ class Cart(Robot):
 
 @pytest.fixture
 def cart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a package `cart_sim`, and a row that names what drives in it."""
+    """Make a package `cart_sim`, and a row that names what drives in it."""
     limit = '<limit effort="5" velocity="30"/>'
     wheels = [('drive', -0.15, 0.0, limit), ('left', 0.15, 0.1, ''), ('right', 0.15, -0.1, '')]
     parts = [WHEEL.format(name=n, x=x, y=y, limit=most) for n, x, y, most in wheels]

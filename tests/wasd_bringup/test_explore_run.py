@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--explore` in a run: it maps by itself, comes back, and gives way to whoever drives."""
+"""`--explore` in a run: it maps by itself, comes back, and gives way to all who drive."""
 
 import math
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--guard` in a run: whoever drives, the robot stops before what its lidar sees."""
+"""`--guard` in a run: for each source the robot stops before what its lidar sees."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run that starts anew by its page: with which words, and when it does not."""
+"""A run that its page starts again: with which words, and when it does not."""
 
 from pathlib import Path
 import socket
@@ -16,8 +16,8 @@ from wasd_core.output_file import OutputFile
 USUAL = RunOptions(robot='go2', description='go2', words=('go2',))
 
 
-def anew(**options: object) -> Restart:
-    """Return what a run with some options may start anew with."""
+def restart(**options: object) -> Restart:
+    """Return what a run with some options may start again with."""
     words = {'robot': 'go2', 'description': 'go2', 'words': ('go2',)}
     found = Restart(RunOptions(**{**words, **options}))  # type: ignore[arg-type]
     found.is_at('http://127.0.0.1:8083/')
@@ -34,7 +34,7 @@ def anew(**options: object) -> Restart:
         ('mbot --preset wasd --world flat', 'go2'),  # the options of another robot
     ],
 )
-def test_a_run_starts_anew_with_its_options_in_another_world_on_the_same_page(before, after):
+def test_a_run_starts_again_with_its_options_in_another_world_on_the_same_page(before, after):
     words = restart_words(tuple(before.split()), 'go2', 'room', '8083')
     assert ' '.join(words) == f'{after} --world room --port 8083 --no-open'
     again = restart_words(words, 'go2', 'flat', '8083')
@@ -43,10 +43,10 @@ def test_a_run_starts_anew_with_its_options_in_another_world_on_the_same_page(be
     assert (options.world, options.port, options.opens_page) == ('flat', 8083, False)
 
 
-def test_the_page_shows_the_options_with_which_the_same_robot_starts_anew(monkeypatch):
+def test_the_page_shows_the_options_with_which_the_same_robot_starts_again(monkeypatch):
     monkeypatch.delenv('WASD_CALLED', raising=False)
     words = ('go2', '--map', '--port', '8090', '--package-path', 'my robots', '--no-open')
-    start = anew(words=words, map='').start
+    start = restart(words=words, map='').start
     assert start.refusal == ''
     assert start.words('go2', 'room') == "wasd go2 --map --package-path 'my robots' --world room"
     assert start.words('mbot', 'room') == 'wasd mbot --world room'
@@ -69,7 +69,7 @@ def test_what_is_for_ros_stays_behind_all_options():
 
 
 def test_only_what_the_page_offers_is_started():
-    run = anew()
+    run = restart()
     run.want('go2', 'no such world')
     run.want('no_such_robot', 'room')
     assert run.wanted == ()
@@ -88,7 +88,7 @@ def test_every_kind_of_world_is_offered_and_each_can_be_had():
 
 
 def test_a_file_of_the_users_that_is_the_world_is_offered_too():
-    assert anew(world='my/house.xml').start.worlds == (*WORLDS, 'my/house.xml')
+    assert restart(world='my/house.xml').start.worlds == (*WORLDS, 'my/house.xml')
 
 
 @pytest.mark.parametrize(
@@ -105,8 +105,8 @@ def test_a_file_of_the_users_that_is_the_world_is_offered_too():
         ({'twists': ()}, 'a script drives'),
     ],
 )
-def test_a_run_that_would_lose_something_is_not_started_anew(options, why):
-    run = anew(**options)
+def test_a_run_that_would_lose_something_is_not_started_again(options, why):
+    run = restart(**options)
     assert why in run.start.refusal
     run.want('go2', 'room')
     assert run.wanted == ()

@@ -127,7 +127,7 @@ def test_an_e_stop_takes_the_motors_from_a_program_that_goes_on(run):
     run.session.e_stop('page')
     assert run.hold_by_motors(3.0) == 0
     assert run.height < 0.15
-    # Whoever has let go, and takes the motors again, has them.
+    # A program that has let go, and takes the motors again, has them.
     run.run(SILENCE + 0.2)
     assert run.hold_by_motors(2.0) == 1000
     assert run.height > 0.3

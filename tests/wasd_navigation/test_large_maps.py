@@ -96,10 +96,10 @@ def test_rooms_of_a_map_that_has_changed_are_those_of_the_new_one() -> None:
     waiting = len(rooms._waiting)
     assert 0 < waiting <= 4
     rooms.work(waiting)
-    anew = Rooms()
-    anew.take(changed, 65)
-    anew.work(100)
-    assert (rooms.values == anew.values).all()
+    fresh = Rooms()
+    fresh.take(changed, 65)
+    fresh.work(100)
+    assert (rooms.values == fresh.values).all()
     assert rooms.values[300 // PLACE, 100 // PLACE] < 0.0
 
 

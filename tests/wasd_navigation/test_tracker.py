@@ -38,7 +38,7 @@ class Quiet:
 
 
 def drive(room: LocalMap, poses: np.ndarray, odometry: np.ndarray, tracker: Tracker) -> list[bool]:
-    """Have a tracker follow true poses; return at which scans the wheels have slipped."""
+    """Let a tracker follow true poses; return at which scans the wheels have slipped."""
     random, slips = np.random.default_rng(3), []
     way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(odometry[:, :2], axis=0).T))))
     tracker.move(odometry[0], np.zeros((3, 3)))

@@ -32,7 +32,7 @@ WHY = 'an SDK program has the motors'
 @dataclass
 class Commands:
     """
-    How commands reach a robot, whoever is asked whether they count; each returns that.
+    How commands reach a robot; each returns whether it counts.
 
     `guard` switches what stops it before obstacles, and returns False where there is no such.
     """

@@ -148,8 +148,8 @@ class Leases:
     """
     Gives the one lease that a service has; it is asked beside the service.
 
-    It refuses a second client its lease, but no command: here whoever asked last drives, and
-    `Drivers` says who that is.
+    It refuses a second client its lease, but no command: here the client that asked last drives,
+    and `Drivers` says which that is.
     """
 
     version = ''

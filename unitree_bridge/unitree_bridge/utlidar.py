@@ -8,6 +8,7 @@ from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.mount import Fields
 import numpy as np
 from wasd_core.errors import InvalidMessage
+from wasd_core.robot_io import BaseOdometry
 from wasd_core.timing import Beat
 
 from unitree_bridge import topics
@@ -93,20 +94,13 @@ class LidarTopics:
         odometry = self._robot.odometry
         if odometry is None:
             return None
-        pose = {
-            'position': _vector(odometry.position),
-            'orientation': _quaternion(odometry.orientation),
-        }
-        return encode(POSE_STAMPED, {'header': header(self._robot.time, ODOM_FRAME), 'pose': pose})
+        stamped = {'header': header(self._robot.time, ODOM_FRAME), 'pose': _pose_of(odometry)}
+        return encode(POSE_STAMPED, stamped)
 
     def _odometry(self) -> bytes | None:
         odometry = self._robot.odometry
         if odometry is None:
             return None
-        pose = {
-            'position': _vector(odometry.position),
-            'orientation': _quaternion(odometry.orientation),
-        }
         twist = {
             'linear': _vector(odometry.linear_velocity),
             'angular': _vector(odometry.angular_velocity),
@@ -116,7 +110,10 @@ class LidarTopics:
             {
                 'header': header(self._robot.time, ODOM_FRAME),
                 'child_frame_id': BASE_FRAME,
-                'pose': {'pose': pose, 'covariance': odometry.pose_covariance.ravel()},
+                'pose': {
+                    'pose': _pose_of(odometry),
+                    'covariance': odometry.pose_covariance.ravel(),
+                },
                 'twist': {'twist': twist, 'covariance': odometry.twist_covariance.ravel()},
             },
         )
@@ -168,6 +165,13 @@ def cloud(time: float, points: np.ndarray) -> dict[str, Any]:
         'row_step': points.dtype.itemsize * len(points),
         'data': points.tobytes(),
         'is_dense': True,
+    }
+
+
+def _pose_of(odometry: BaseOdometry) -> dict[str, dict[str, float]]:
+    return {
+        'position': _vector(odometry.position),
+        'orientation': _quaternion(odometry.orientation),
     }
 
 

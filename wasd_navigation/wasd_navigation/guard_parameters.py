@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from wasd_core.command_line import Executable
 from wasd_core.parameters import group, parameter, Parameters
 
-from wasd_navigation.parameters import Footprint, footprint_of
+from wasd_navigation.parameters import SizeParameters
 
 guard = Executable(
     name='guard',
@@ -84,7 +84,7 @@ class BrakingParameters(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuardNodeParameters(GuardParameters):
+class GuardNodeParameters(SizeParameters, GuardParameters):
     """What the node needs beside that."""
 
     cmd_vel_in_topic: str = parameter(
@@ -97,30 +97,4 @@ class GuardNodeParameters(GuardParameters):
     scan_topic: str = parameter(
         'scan', name='scan.topic', doc='Where scans come from', read_only=True
     )
-    robot_radius: float = parameter(
-        0.25, unit='m', minimum=0.02, maximum=5.0, doc='Radius of a round robot', read_only=True
-    )
-    footprint_length: float = parameter(
-        0.0,
-        unit='m',
-        minimum=0.02,
-        or_zero=True,
-        maximum=10.0,
-        doc='Length of a robot that is no circle, its base frame in its middle; 0: round',
-        read_only=True,
-    )
-    footprint_width: float = parameter(
-        0.0,
-        unit='m',
-        minimum=0.02,
-        or_zero=True,
-        maximum=10.0,
-        doc='Its width; 0: round',
-        read_only=True,
-    )
     braking: BrakingParameters = group(BrakingParameters)
-
-    @property
-    def footprint(self) -> Footprint:
-        """What of the floor the robot covers."""
-        return footprint_of(self.robot_radius, self.footprint_length, self.footprint_width)

@@ -84,6 +84,38 @@ def footprint_of(radius: float, length: float, width: float) -> Footprint:
     return Footprint(radius=radius)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SizeParameters(Parameters):
+    """What of the floor a robot covers."""
+
+    robot_radius: float = parameter(
+        0.25, unit='m', minimum=0.02, maximum=5.0, doc='Radius of a round robot', read_only=True
+    )
+    footprint_length: float = parameter(
+        0.0,
+        unit='m',
+        minimum=0.02,
+        or_zero=True,
+        maximum=10.0,
+        doc='Length of a robot that is no circle, its base frame in its middle; 0: round',
+        read_only=True,
+    )
+    footprint_width: float = parameter(
+        0.0,
+        unit='m',
+        minimum=0.02,
+        or_zero=True,
+        maximum=10.0,
+        doc='Its width; 0: round',
+        read_only=True,
+    )
+
+    @property
+    def footprint(self) -> Footprint:
+        """What of the floor the robot covers."""
+        return footprint_of(self.robot_radius, self.footprint_length, self.footprint_width)
+
+
 def _spread(half: float, depth: float) -> list[float]:
     """Return middles of equal parts of -half to half, each no longer than a depth."""
     count = max(1, math.ceil(2.0 * half / depth - 1e-9))
@@ -283,7 +315,7 @@ class PlanningParameters(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NavigatorParameters(Parameters):
+class NavigatorParameters(SizeParameters):
     """What the node needs beside what mapping and planning do."""
 
     map: str = parameter(
@@ -309,32 +341,6 @@ class NavigatorParameters(Parameters):
     stamped: bool = parameter(
         False, doc='Publish cmd_vel as TwistStamped, not Twist', read_only=True
     )
-    robot_radius: float = parameter(
-        0.25, unit='m', minimum=0.02, maximum=5.0, doc='Radius of a round robot', read_only=True
-    )
-    footprint_length: float = parameter(
-        0.0,
-        unit='m',
-        minimum=0.02,
-        or_zero=True,
-        maximum=10.0,
-        doc='Length of a robot that is no circle, its base frame in its middle; 0: round',
-        read_only=True,
-    )
-    footprint_width: float = parameter(
-        0.0,
-        unit='m',
-        minimum=0.02,
-        or_zero=True,
-        maximum=10.0,
-        doc='Its width; 0: round',
-        read_only=True,
-    )
     mapping: MappingParameters = group(MappingParameters)
     limits: DriveLimits = group(DriveLimits)
     planning: PlanningParameters = group(PlanningParameters)
-
-    @property
-    def footprint(self) -> Footprint:
-        """What of the floor the robot covers."""
-        return footprint_of(self.robot_radius, self.footprint_length, self.footprint_width)

@@ -89,7 +89,7 @@ class NativeView:
 
 
 class View(Protocol):
-    """What a session needs of a viewer."""
+    """What a run needs of a viewer."""
 
     @property
     def period(self) -> float:

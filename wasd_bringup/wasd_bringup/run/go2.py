@@ -131,7 +131,7 @@ class Go2(Robot):
         return (1.6 * unit, 1.0 * unit, 3.0 * self.legs.model.scale.of('1/s^2'))
 
     def hold_back(self, limit: Callable[[Sequence[float]], np.ndarray]) -> None:
-        """Have the legs follow only what a guard leaves of a velocity (vx, vy, wz)."""
+        """Limit each velocity (vx, vy, wz) that the legs follow by a guard."""
         self.legs.controller.command_filter.hold_back = lambda asked: limit(asked.tolist())
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes into a session: scripts, keys for one of several robots, when messages are due."""
+"""What comes into a run: scripts, keys for one of several robots, when messages are due."""
 
 from collections.abc import Callable, Sequence
 import math

@@ -55,7 +55,7 @@ class RunOptions:
     record: OutputFile | None = None
     report: OutputFile | None = None
     save_keys: OutputFile | None = None
-    # Whether Session.report has samples; with a report to write they are kept anyway.
+    # Whether Run.report has samples; with a report to write they are kept anyway.
     samples: bool = False
     uses_ros: bool = True
     discovery: str | None = None

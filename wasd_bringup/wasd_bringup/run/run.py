@@ -201,7 +201,7 @@ class Run:
         return [f'viewer: {self._where}'] if self._where else []
 
     def take_view(self, view: View, where: str) -> None:
-        """Be shown by a viewer, and say where it is; it is closed with the session."""
+        """Be shown by a viewer, and say where it is; it is closed with the run."""
         self._view, self._where = view, where
 
     def run(self, stop: Any) -> None:

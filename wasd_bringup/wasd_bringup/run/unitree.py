@@ -38,8 +38,8 @@ class UnitreeDriver:
     Serves Unitree's interface over a Go2 of a run.
 
     Programs press its keys, drive it, or have its motors, while `Drivers` says that they count.
-    Whoever else drives ends what they asked our controller for; the motors they keep until an
-    E-STOP. It is stepped by the robot, before our controller.
+    Another source that drives ends what they asked our controller for; they keep the motors until
+    an E-STOP. It is stepped by the robot, before our controller.
     """
 
     def __init__(

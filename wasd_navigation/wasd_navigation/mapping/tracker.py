@@ -86,7 +86,7 @@ class Tracker:
             self._moves[index] = way, compose(change, pose), slips
 
     def leap(self) -> None:
-        """Stay in place while odometry begins anew."""
+        """Keep the pose as odometry begins again."""
         self._growth = OdometryGrowth()
         self._joint[:3, :3] += LEAP
 
