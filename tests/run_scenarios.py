@@ -42,6 +42,11 @@ class Page:
         self.puppet: Any = None
 
     @property
+    def robot(self) -> Any:
+        """The first robot of the run."""
+        return self.session.robots[0]
+
+    @property
     def snapshot(self) -> Any:
         """What the page was told last."""
         return self.cockpit.page.link.snapshot

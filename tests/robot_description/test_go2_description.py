@@ -78,9 +78,9 @@ def pose(request, mujoco_model, pinocchio_model):
 
 
 @pytest.mark.slow
-def test_it_has_unitrees_links_and_joints_and_a_lidar(go2, others):
-    links = {tag.get('name') for tag in others.findall('link')} - {'radar'}
-    joints = {tag.get('name') for tag in others.findall('joint')} - {'radar_joint'}
+def test_it_has_unitrees_links_and_joints_and_a_laser(go2, others):
+    links = {tag.get('name') for tag in others.findall('link')}
+    joints = {tag.get('name') for tag in others.findall('joint')}
     assert set(go2.links) == links | {'laser_link'}
     assert set(go2.joints) == joints | {'laser_joint'}
     assert (go2.name, go2.root) == ('go2', 'base')

@@ -96,7 +96,7 @@ def scenario_a_stick_of_a_silent_page_is_let_go(page: Page) -> None:
 def scenario_keys_drive_after_a_click_on_a_button(page: Page) -> None:
     page.click('tab keys')
     page.tap('I')
-    page.wait_until(lambda: page.session.stack.logic.last_key == 'i', 'i was pressed')
+    page.wait_until(lambda: page.robot.logic.last_key == 'i', 'i was pressed')
     assert page.show('key i')
     page.click('tab drive')
 
@@ -112,19 +112,19 @@ def scenario_a_tap_counts_however_short_it_is(page: Page) -> None:
 def scenario_keys_count_while_the_stick_is_held(page: Page) -> None:
     hold_stick(page)
     page.puppet.keys = {code('K')}
-    page.wait_until(lambda: page.session.stack.logic.last_key == 'k', 'k was pressed')
+    page.wait_until(lambda: page.robot.logic.last_key == 'k', 'k was pressed')
 
 
 def scenario_a_key_that_is_clicked_is_pressed_and_lit(page: Page) -> None:
     page.click('tab keys')
     page.click('key k')
-    page.wait_until(lambda: page.session.stack.logic.last_key == 'k', 'k was pressed')
+    page.wait_until(lambda: page.robot.logic.last_key == 'k', 'k was pressed')
     page.click('tab drive')
 
 
 def scenario_what_is_typed_in_a_field_drives_nothing(page: Page) -> None:
     page.tap('K')
-    page.wait_until(lambda: page.session.stack.logic.last_key == 'k', 'k was pressed')
+    page.wait_until(lambda: page.robot.logic.last_key == 'k', 'k was pressed')
     page.click('speed')
     page.puppet.draw(5)
     mouse = page.puppet.mouse
@@ -133,11 +133,11 @@ def scenario_what_is_typed_in_a_field_drives_nothing(page: Page) -> None:
     page.tap('U')
     page.puppet.mouse = mouse
     page.wait(0.4)
-    assert page.session.stack.logic.last_key == 'k'
+    assert page.robot.logic.last_key == 'k'
     assert last_command(page, since) == 0.0
     page.tap('Escape')
     page.tap('L')
-    page.wait_until(lambda: page.session.stack.logic.last_key == 'l', 'keys drive again')
+    page.wait_until(lambda: page.robot.logic.last_key == 'l', 'keys drive again')
     page.tap('K')
 
 
@@ -175,9 +175,9 @@ def scenario_reset_puts_the_robot_back(page: Page) -> None:
 
 def scenario_the_emergency_stop_ends_a_motion_that_keys_have_set_going(page: Page) -> None:
     page.puppet.keys = {code('I')}
-    page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
+    page.wait_until(lambda: page.robot.drive_unit.controller.target.linear > 0.0, 'drives')
     page.puppet.press_at(page.show('e-stop'))  # and not let go: neither the button nor the key
-    page.wait_until(lambda: page.session.stack.driver.controller.target.linear == 0.0, 'stands')
+    page.wait_until(lambda: page.robot.drive_unit.controller.target.linear == 0.0, 'stands')
     since = page.session.world.time
     page.wait(1.0)
     assert last_command(page, since + 0.1) == 0.0
@@ -185,11 +185,11 @@ def scenario_the_emergency_stop_ends_a_motion_that_keys_have_set_going(page: Pag
     page.puppet.keys = set()
     page.puppet.draw(4)
     page.puppet.keys = {code('I')}
-    page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
+    page.wait_until(lambda: page.robot.drive_unit.controller.target.linear > 0.0, 'drives')
 
 
 def scenario_the_emergency_stop_counts_though_the_pointer_passes_over_it(page: Page) -> None:
-    target = page.session.stack.driver.controller
+    target = page.robot.drive_unit.controller
     for _ in range(5):
         page.puppet.keys = {code('I')}
         page.wait_until(lambda: target.target.linear > 0.0, 'drives')
@@ -203,10 +203,10 @@ def scenario_a_page_without_panels_still_has_the_emergency_stop(page: Page) -> N
     page.click('panels')
     page.wait_until(lambda: 'pad' not in page.rects, 'no panels')
     page.puppet.keys = {code('I')}
-    page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
+    page.wait_until(lambda: page.robot.drive_unit.controller.target.linear > 0.0, 'drives')
     page.click('stop at once')
     page.puppet.keys = set()
-    page.wait_until(lambda: page.session.stack.driver.controller.target.linear == 0.0, 'stands')
+    page.wait_until(lambda: page.robot.drive_unit.controller.target.linear == 0.0, 'stands')
     page.click('panels')
     page.show('pad')
 
@@ -223,7 +223,7 @@ def scenario_a_page_that_draws_few_pictures_is_told_so(page: Page) -> None:
 
 
 def scenario_however_much_is_to_be_said_it_stays_within_the_scene(page: Page) -> None:
-    say = page.session.stack.say
+    say = page.robot.say
     say('a lot')
     page.wait_until(lambda: 'text message' in page.rects, 'it is said')
     page.puppet.draw(4)
@@ -241,7 +241,7 @@ def scenario_the_mode_of_the_drive_and_its_limits_are_shown(page: Page) -> None:
     (setting,) = page.snapshot.settings
     assert setting.chosen == 'sim'
     assert 'mode arbotix' in page.rects
-    full = page.session.stack.logic
+    full = page.robot.logic
     words = f'full {full.speed:.2f} m/s {full.turn:.2f} rad/s'
     assert words in page.snapshot.facts
     with urllib.request.urlopen(f'{page.url}status') as answer:

@@ -11,13 +11,14 @@ The Go2 as a Gymnasium environment, for those who train; needs the extra `gym`.
 """
 
 from dataclasses import replace
+import math
 from typing import Any
 
 import gymnasium
-import mujoco
 from mujoco_sim.parameters import Untold
 from mujoco_sim.robot_setup import randomise as draw
 from mujoco_sim.robot_setup import RobotSetup, usual_setup
+from mujoco_sim.sensors.camera import Frustum, Offscreen
 from mujoco_sim.world import build_world, FALL_TILT, World
 import numpy as np
 from policy_player.observations import Observer
@@ -25,6 +26,7 @@ from policy_player.spec import PolicySpec, Term
 from robot_description.description import Description, load_robot
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseState, JointCommand, Senses
+from wasd_core.rotations import Pose, rpy_matrix
 
 NAME = 'wasd/Go2-v0'
 LEGS = ('FL', 'FR', 'RL', 'RR')
@@ -55,6 +57,9 @@ START_HEIGHT, LOW = 0.29, 0.14
 LONGEST = 1000
 # How sharply the reward falls with an error of velocity [m^2/s^2], and its other weights.
 SHARPNESS, EFFORT, JERK, TILT = 0.25, 2e-5, 0.02, 0.5
+# Pictures [pixels]: the robot from so far away [m], from ahead on its right and above.
+SIZE, DISTANCE, VIEW = (640, 480), 1.8, rpy_matrix(0.0, math.radians(20.0), math.radians(130.0))
+FRUSTUM = Frustum(math.radians(58.0), *SIZE, 0.05, 100.0)
 
 
 class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -97,7 +102,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         self.observation_space = gymnasium.spaces.Box(-most, most, (SPEC.width,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (12,), np.float32)
         self._build(0)
-        self._picture: mujoco.Renderer | None = None
+        self._picture: Offscreen | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -135,12 +140,10 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         if self.render_mode is None:
             return None
         if self._picture is None:
-            self._picture = mujoco.Renderer(self._world.model, 480, 640)
-            self._camera = mujoco.MjvCamera()
-            self._camera.distance, self._camera.azimuth, self._camera.elevation = 1.8, 130, -20
-        self._camera.lookat[:] = self._world.base().position
-        self._picture.update_scene(self._world.data, self._camera)
-        return np.asarray(self._picture.render())
+            self._picture = Offscreen(self._world, *SIZE)
+        eye = Pose(self._world.base().position - DISTANCE * VIEW[:, 0], VIEW)
+        self._picture.look(self._world.data, eye, FRUSTUM, SIZE)
+        return self._picture.colours()
 
     def close(self) -> None:
         """Let the pictures' renderer go."""

@@ -26,10 +26,12 @@ _QUICK = 20.0
 _LEAST = 1e-3
 # A level of even ground so near to the start's is the same [m], in the long run [s].
 _START, _RETURN = 0.02, 1.0
-# Rise over way that ground has at most, and that on rough ground is missed at most. There feet are
-# drawn to the level so much more slowly: what they say drifts less in 10 m than the sum of slopes
-# between feet on boxes strays.
-_STEEPEST, _CREEP, _ROUGHLY = 1.0, 0.015, 30.0
+# Rise over way that ground has at most, and that on rough ground is missed at most.
+_STEEPEST, _CREEP = 1.0, 0.015
+# On rough ground feet are drawn to the level so much more slowly: what they say drifts less in
+# 10 m than the sum of slopes between feet on boxes strays. A floor on which a tight turn rocks
+# the robot feels half as rough as boxes: only ground that is rougher counts.
+_SLOWER, _ROUGH, _SHARP = 60.0, 0.7, 6
 # Cosine of the tilt beyond which a robot is thrown; for how long after that the ground's level is
 # that of before, and feet are to stand far off it until it is theirs [s].
 _UPRIGHT, _HELD, _STAY = 0.9, 1.0, 0.5
@@ -268,7 +270,8 @@ def _anchor(
         height -= plane.gradient[0] * ahead + plane.gradient[1] * left
     speed, known = math.hypot(estimate.x[1, 0], estimate.x[1, 1]), min(total, 1.0) * dt
     off_level = _level(estimate, footing, (height, even, speed), sensors, known)
-    time = sensors.level_time * (1.0 + _ROUGHLY * footing.roughness)
+    rough = min(footing.roughness / _ROUGH, 1.0) ** _SHARP
+    time = sensors.level_time * (1.0 + _SLOWER * rough)
     shift = -known / time * off_level
     if footing.is_walking and abs(off) < sensors.step_band:
         aside = math.hypot(ahead, left) / sensors.middle
