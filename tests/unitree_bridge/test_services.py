@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every id of the SDK is answered at once, and the sport service does what its names say."""
 
+import io
 import json
 import math
 from pathlib import Path
@@ -8,6 +9,7 @@ import random
 import re
 
 import numpy as np
+from PIL import Image
 import pytest
 from unitree_bridge.bridge import INTO, OUT, SERVICES
 from unitree_bridge.cdr import decode, encode
@@ -310,6 +312,45 @@ def test_the_lidar_s_cloud_has_the_walls_where_they_are():
     assert told == {
         name: len(messages) for name, messages in rig.wire.told.items() if 'utlidar' in name
     }
+
+
+def cloud_of(said):
+    """Return the points of a cloud, (n, 3) [m], and their times [s]."""
+    columns = np.frombuffer(said['data'], '<f4').reshape(said['width'], 8)
+    return columns[:, :3].astype(float), columns[:, 6]
+
+
+@pytest.mark.slow
+def test_a_deskewed_cloud_has_the_floor_level_while_the_robot_trots_and_turns(standing):
+    rig = standing
+    rig.call('sport', BALANCE)
+    rig.run(0.5)
+    rig.call('sport', MOVE, x=0.6, y=0.0, z=1.0)
+    rig.run(0.9)
+    said = rig.wire.last(topics.CLOUD_DESKEWED)
+    points, _ = cloud_of(said)
+    assert said['header']['frame_id'] == 'odom'
+    truth = rig.go2.world.base()
+    believed = rig.go2.legs.odometry
+    assert np.linalg.norm(points[:, :2] - believed.position[:2], axis=1).max() < 12.0
+    floor = points[points[:, 2] < truth.position[2] - 0.15]
+    near = floor[np.linalg.norm(floor[:, :2] - believed.position[:2], axis=1) < 1.5]
+    assert len(near) > 30
+    ground = believed.position[2] - truth.position[2]  # where odometry has the floor
+    assert abs(np.median(near[:, 2]) - ground) < 0.02
+    assert near[:, 2].std() < 0.04  # the lidar's noise is 2 cm
+
+
+@pytest.mark.slow
+def test_the_front_video_has_three_sizes_of_one_picture():
+    rig = Rig(world='room')
+    rig.wire.unheard.clear()
+    rig.run(0.41)
+    assert len(rig.wire.told['rt/frontvideostream']) == 3
+    said = rig.wire.last(topics.VIDEO)
+    sizes = [Image.open(io.BytesIO(said[f'video{lines}p'])).size for lines in (720, 360, 180)]
+    assert sizes == [(1280, 720), (640, 360), (320, 180)]
+    assert said['time_frame'] == 400_000
 
 
 def fuzzed(topic, rng):

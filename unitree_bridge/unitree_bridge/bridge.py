@@ -24,6 +24,7 @@ from unitree_bridge.services import (
 )
 from unitree_bridge.sport_state import SportStates
 from unitree_bridge.utlidar import LidarTopics
+from unitree_bridge.video import FrontVideo
 from unitree_bridge.wire import Wire
 
 # How often LowState is told, SportModeState and the remote, and who listens is looked up [Hz].
@@ -69,6 +70,7 @@ class Bridge:
         self.low = LowLevel(self._say)
         self.motion = Motion(robot, self._say)
         self._low_states, self._sport_states = LowStates(), SportStates()
+        self._video = FrontVideo(robot, self._say)
         self.services = self._make_services()
         self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
         self._sticks = Watchdog(_REMOTE_SILENCE)
@@ -188,6 +190,7 @@ class Bridge:
                 wire.publish(topics.SPORT_MODE_STATE, raw)
         if wants_sport and wire.is_heard(topics.REMOTE):
             wire.publish(topics.REMOTE, self._robot.remote.message())
+        self._video.step(wire)
         if self._lidar is not None:
             self._lidar.step(wire)
 

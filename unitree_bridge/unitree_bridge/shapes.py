@@ -152,6 +152,14 @@ SPORT_MODE_STATE = _go(
     path_point=Several(PATH_POINT, 10),
 )
 WIRELESS_CONTROLLER = _go('WirelessController', lx=F32, ly=F32, rx=F32, ry=F32, keys=U16)
+# Pictures of 1280 x 720, 640 x 360 and 320 x 180.
+FRONT_VIDEO = _go(
+    'Go2FrontVideoData',
+    time_frame=U64,
+    video720p=Many(U8),
+    video360p=Many(U8),
+    video180p=Many(U8),
+)
 
 IDENTITY = _api('RequestIdentity', id=I64, api_id=I64)
 REQUEST = _api(

@@ -8,13 +8,16 @@ from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.mount import Fields
 import numpy as np
 from wasd_core.errors import InvalidMessage
+from wasd_core.pose_track import PoseTrack
 from wasd_core.robot_io import BaseOdometry
+from wasd_core.rotations import Pose
 from wasd_core.timing import Beat
 
 from unitree_bridge import topics
 from unitree_bridge.cdr import decode, encode
 from unitree_bridge.robot import Robot
 from unitree_bridge.shapes import IMU, ODOMETRY, POINT_CLOUD, POSE_STAMPED, STRING
+from unitree_bridge.topics import Topic
 from unitree_bridge.wire import Wire
 
 CLOUD_FRAME, ODOM_FRAME, BASE_FRAME, IMU_FRAME = (
@@ -27,6 +30,8 @@ CLOUD_FRAME, ODOM_FRAME, BASE_FRAME, IMU_FRAME = (
 _RATES = ((topics.LIDAR_IMU, 250.0), (topics.ROBOT_POSE, 50.0), (topics.ROBOT_ODOM, 50.0))
 # The numbers of sensor_msgs/PointField.
 _DATATYPES = {'<f4': 7, '<u2': 4}
+# A cloud takes 67 ms, a turn of a planar lidar up to 200 ms [s].
+_TRACKED = 0.5
 
 
 class LidarTopics:
@@ -36,8 +41,10 @@ class LidarTopics:
     `rt/utlidar/switch` with OFF ends all of it, with ON it goes on.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+    def __init__(self, robot: Robot, mount: Pose) -> None:
+        """Take a robot, and where the lidar's frame is in its base."""
+        self._robot, self._mount = robot, mount
+        self._track = PoseTrack(_TRACKED)
         self.is_on = True
         self._wire: Wire | None = None
         self._beats = {topic.name: Beat() for topic, _ in _RATES}
@@ -45,17 +52,41 @@ class LidarTopics:
     @property
     def wants_clouds(self) -> bool:
         """Whether a cloud would be told."""
-        return self.is_on and self._wire is not None and self._wire.is_heard(topics.CLOUD)
+        return self._is_wanted(topics.CLOUD) or self._is_wanted(topics.CLOUD_DESKEWED)
 
     def take(self, time: float, seen: Fields) -> None:
         """Tell what a lidar has seen at a simulated time [s], points or a scan, as a cloud."""
-        if self._wire is not None and self.wants_clouds:
-            points = seen['points'] if 'points' in seen else points_of(seen)
+        if self._wire is None or not self.wants_clouds:
+            return
+        points = seen['points'] if 'points' in seen else points_of(seen)
+        if self._is_wanted(topics.CLOUD):
             self._wire.publish(topics.CLOUD, encode(POINT_CLOUD, cloud(time, points)))
+        if self._is_wanted(topics.CLOUD_DESKEWED):
+            placed = self._deskewed(time, points)
+            if placed is not None:
+                told = encode(POINT_CLOUD, cloud(time, placed, ODOM_FRAME))
+                self._wire.publish(topics.CLOUD_DESKEWED, told)
+
+    def _is_wanted(self, topic: Topic) -> bool:
+        return self.is_on and self._wire is not None and self._wire.is_heard(topic)
+
+    def _deskewed(self, time: float, points: np.ndarray) -> np.ndarray | None:
+        """Return points in odometry's frame, each seen from where the robot then was."""
+        places = np.stack([points[axis] for axis in 'xyz'], axis=1, dtype=float)
+        found = self._track.place(places, time + points['time'], self._mount)
+        if found is None:
+            return None
+        deskewed = points.copy()
+        for axis, values in zip('xyz', found.T, strict=True):
+            deskewed[axis] = values
+        return deskewed
 
     def step(self, wire: Wire) -> None:
         """Take the switch, and tell what is due."""
         self._wire = wire
+        odometry = self._robot.odometry
+        if odometry is not None and self._is_wanted(topics.CLOUD_DESKEWED):
+            self._track.add(self._robot.time, odometry.position, odometry.orientation)
         for raw in wire.take(topics.LIDAR_SWITCH):
             self._switch(raw)
         makers = {
@@ -125,7 +156,7 @@ def serve_lidar(robot: Robot, sensors: Sensors) -> LidarTopics | None:
     topic = kinds.get('PointCloud2') or kinds.get('LaserScan')
     if topic is None:
         return None
-    lidar = LidarTopics(robot)
+    lidar = LidarTopics(robot, topic.mount.pose)
     topic.listen(lidar.take, lambda: lidar.wants_clouds)
     return lidar
 
@@ -148,7 +179,7 @@ def points_of(scan: Fields) -> np.ndarray:
     return points
 
 
-def cloud(time: float, points: np.ndarray) -> dict[str, Any]:
+def cloud(time: float, points: np.ndarray, frame: str = CLOUD_FRAME) -> dict[str, Any]:
     """Return the fields of a PointCloud2 of an array of POINT at a simulated time [s]."""
     described = points.dtype.fields
     assert described is not None
@@ -157,7 +188,7 @@ def cloud(time: float, points: np.ndarray) -> dict[str, Any]:
         for name, (kind, at, *_) in described.items()
     ]
     return {
-        'header': header(time, CLOUD_FRAME),
+        'header': header(time, frame),
         'height': 1,
         'width': len(points),
         'fields': fields,

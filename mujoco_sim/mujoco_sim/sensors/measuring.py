@@ -12,7 +12,7 @@ from wasd_core.timing import Beat
 from mujoco_sim.parameters import AS_DESCRIBED, IDEAL, SimulatorParameters
 from mujoco_sim.sensors.cloud import CloudTag, idealised
 from mujoco_sim.sensors.lidar import LidarTag, with_model
-from mujoco_sim.sensors.mount import Fields, Site
+from mujoco_sim.sensors.mount import Fields, Mount, Site
 from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS, Turning
 from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.world import World
@@ -23,11 +23,16 @@ Receive = Callable[[float, Fields], None]
 
 @dataclass
 class SensorTopic:
-    """A topic of a sensor, relative; the type of sensor_msgs that it has, and its frame."""
+    """
+    A topic of a sensor, relative; the type of sensor_msgs that it has, and its frame.
+
+    `mount` is where that frame is fixed to the robot.
+    """
 
     name: str
     kind: str
     frame: str
+    mount: Mount
     listeners: list[tuple[Receive, Callable[[], bool]]] = field(default_factory=list)
 
     def listen(self, receive: Receive, wants: Callable[[], bool] = lambda: True) -> None:
@@ -71,7 +76,9 @@ class Sensors:
                     own = with_model(own, settings.lidar)
                 elif isinstance(own, CloudTag) and settings.lidar == IDEAL:
                     own = idealised(own)
-                self._sensors.append(_SensorTopics(own, kind.build(own, self._site), kind.topics))
+                built = kind.build(own, self._site)
+                mount = self._site.find_mount(own.link, own.pose)
+                self._sensors.append(_SensorTopics(own, built, kind.topics, mount))
         self.reset()
 
     @property
@@ -155,7 +162,13 @@ def _tell(
 class _SensorTopics:
     """A sensor and its topics; two of one name, as of a lens that two pictures share, are one."""
 
-    def __init__(self, tag: SensorTag, sensor: Sensor | Turning, topics: dict[str, str]) -> None:
+    def __init__(
+        self,
+        tag: SensorTag,
+        sensor: Sensor | Turning,
+        topics: dict[str, str],
+        mount: Mount,
+    ) -> None:
         self.rate = tag.rate
         self.turns: bool = getattr(tag, 'turns', False)
         self.sensor = sensor
@@ -165,7 +178,7 @@ class _SensorTopics:
             name = getattr(tag, place)
             if name and name not in names:
                 names.add(name)
-                self.topics[place] = SensorTopic(name, kind, tag.frame)
+                self.topics[place] = SensorTopic(name, kind, tag.frame, mount)
 
     def wanted(self) -> dict[str, list[Receive]]:
         """Return who wants something now, by the fields of the tag; nothing that nobody wants."""

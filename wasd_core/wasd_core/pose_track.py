@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a base was in the last moments, so that what it saw meanwhile is put in one place."""
+
+from collections import deque
+
+import numpy as np
+
+from wasd_core.rotations import Pose
+
+
+class PoseTrack:
+    """Poses of a base over time, of which those of the last `seconds` are kept."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._poses: deque[np.ndarray] = deque()  # time, position, quaternion: (8,) each
+
+    def add(self, time: float, position: np.ndarray, orientation: np.ndarray) -> None:
+        """Add a pose: time [s], position (3,) [m], quaternion (4,) w, x, y, z."""
+        if self._poses and time <= self._poses[-1][0]:
+            self._poses.clear()  # time began again
+        quaternion = np.asarray(orientation, float)
+        if self._poses and quaternion @ self._poses[-1][4:] < 0.0:
+            quaternion = -quaternion  # the same rotation, near the one before
+        self._poses.append(np.concatenate(((time,), position, quaternion)))
+        while time - self._poses[0][0] > self._seconds:
+            self._poses.popleft()
+
+    def place(self, points: np.ndarray, times: np.ndarray, mount: Pose) -> np.ndarray | None:
+        """
+        Return points (n, 3) [m] of a sensor in the frame in which the poses are.
+
+        Each was seen at its own time [s], (n,), by a sensor that is mounted so in the base.
+        Between two poses the base moves evenly; before the first and after the last it stands
+        still. None where there is no pose.
+        """
+        if not self._poses:
+            return None
+        track = np.array(self._poses)
+        pose = np.stack([np.interp(times, track[:, 0], column) for column in track[:, 1:].T])
+        w, x, y, z = pose[3:] / np.linalg.norm(pose[3:], axis=0)
+        in_base = points @ mount.rotation.T + mount.position
+        axis = np.stack((x, y, z), axis=1)
+        # v + 2 q x (q x v + w v), the rotation of v by a unit quaternion.
+        twice = 2.0 * np.cross(axis, in_base)
+        turned = in_base + w[:, None] * twice + np.cross(axis, twice)
+        return np.asarray(pose[:3].T + turned)
