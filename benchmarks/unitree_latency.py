@@ -5,7 +5,8 @@ How fast programs of Unitree's SDK are served: run it on an idle machine, with t
     .venv/bin/python benchmarks/unitree_latency.py [SECONDS] [DOMAIN]
 
 A program answers each LowState with a LowCmd that names its tick. Printed are how many LowStates
-were told and heard, how long it takes until the command is in force, and how busy a core is.
+were told and heard, how long it takes until the command is in force, how busy a core is, how long
+a call takes, and how soon a program that starts hears its first LowState.
 """
 
 import json
@@ -57,24 +58,35 @@ class Watched:
         return taken
 
 
+def serve(go2: SimulatedGo2, domain: int, *words: str) -> dict[str, Any]:
+    """Simulate until a program of the SDK has ended; return what it saw."""
+    command = [sys.executable, PROGRAMS, str(domain), *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+        go2.run(lambda: program.poll() is not None)
+        assert program.stdout is not None
+        seen: dict[str, Any] = json.loads(program.stdout.read().splitlines()[-1])
+    return seen
+
+
 def main() -> None:
     """Simulate so long [s] and print what was measured."""
     seconds, domain = float((sys.argv[1:] or ['60'])[0]), int((sys.argv[2:] or ['0'])[0])
     wire = Watched(open_wire(domain, 'lo', ALL_OUT, ALL_INTO))
     go2 = SimulatedGo2(Scene(), wire, print)
-    command = [sys.executable, PROGRAMS, str(domain), 'round_trip', str(seconds)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
-        began, spent = time.perf_counter(), time.process_time()
-        go2.run(lambda: program.poll() is not None)
-        wall, spent = time.perf_counter() - began, time.process_time() - spent
-        assert program.stdout is not None
-        heard = json.loads(program.stdout.read().splitlines()[-1])['heard']
+    began, spent = time.perf_counter(), time.process_time()
+    heard = serve(go2, domain, 'round_trip', str(seconds))['heard']
+    wall, spent = time.perf_counter() - began, time.process_time() - spent
     p50, p90, p99, most = 1e3 * np.percentile(wire.trips, (50, 90, 99, 100))
     share = f'{spent / wall:.2f} of a core for robot and interface'
     print(f'real-time factor {go2.world.time / wall:.3f}, {share}')
     print(f'LowStates: {len(wire.sent)} told while somebody listened, {heard} heard')
     trips = f'p50 {p50:.2f}, p90 {p90:.2f}, p99 {p99:.2f}, max {most:.1f}'
     print(f'until the command is in force [ms]: {trips}; it is looked for every 2 ms')
+    took = 1e3 * np.array(serve(go2, domain, 'calls')['took'])
+    middle, worst = np.median(took), took.max()
+    print(f'{len(took)} calls of the sport service [ms]: p50 {middle:.2f}, max {worst:.1f}')
+    found = serve(go2, domain, 'stand_by_motors')['discovery']
+    print(f'a program hears its first LowState {found:.2f} s after it has asked')
     go2.close()
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Programs of Unitree's own SDK, in processes of their own, command the simulated Go2."""
 
+from concurrent.futures import ThreadPoolExecutor
 import importlib.util
 import json
 import os
@@ -10,8 +11,12 @@ import socket
 import subprocess
 import sys
 
+from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
 
 pytestmark = pytest.mark.slow
 pytest.importorskip('cyclonedds', reason='needs the extra unitree')
@@ -136,6 +141,30 @@ def test_in_sync_a_busy_machine_changes_no_sample(simulate, program):
     assert busy == quiet
     thighs = np.array(quiet['4000']).reshape(4, 3)[:, 1]
     assert np.abs(thighs - 0.9).max() < 0.4
+
+
+def test_ros_and_the_interface_of_one_run_lose_no_message(simulate, program, spawn, spin_until):
+    """In sync, so that no reader of a busy machine is late: what is lost was lost on the way."""
+    ear, stamps = spawn(Node('ear')), []
+
+    def hear(odometry):
+        stamps.append(Time.from_msg(odometry.header.stamp).nanoseconds)
+
+    ear.create_subscription(Odometry, 'odom', hear, QoSProfile(depth=10_000))
+    simulate(
+        'go2', '--interface', 'unitree', '--sync', '--viewer', 'none', module='wasd_bringup.cli'
+    )
+    spin_until(spawn.pump, lambda: ear.count_publishers('odom') > 0)
+    with ThreadPoolExecutor() as pool:
+        told = pool.submit(program, 'in_sync')
+        spin_until(spawn.pump, told.done, timeout=180)
+    ticks = sorted(map(int, told.result()['samples']))
+    assert set(np.diff(ticks)) == {2}
+    assert ticks[-1] == 4000
+    heard = [stamp for stamp in stamps if stamp <= 4_000_000_000]
+    assert len(heard) > 100
+    assert len(set(np.diff(heard))) == 1
+    assert heard[-1] > 3_900_000_000
 
 
 # Examples of the SDK's package, and the last line of theirs that shows that all went well; one
