@@ -19,10 +19,17 @@ from wasd_bringup.run.run import Run
 SPEEDS = (0.5, 1.0, 2.0, 3.0)
 # What is slower than this has stopped [m/s]; the longest that is waited for it [s].
 STILL, LONGEST = 0.02, 8.0
-# The Go2 stands up and follows velocities; mbot's drive allows 1 m/s.
-ROBOTS: dict[str, tuple[str, float, dict[str, Any]]] = {
-    'mbot': ('mbot', 1.0, {}),
-    'go2': ('unitree', 3.0, {'limits': 'race'}),
+UP = (('2', 2.5), ('5', 0.5))
+# How fast each is driven at most [m/s]; keys that make it follow velocities, and for how long it
+# does what they say [s]; options. mbot's drive allows 1 m/s, as does our network.
+ROBOTS: dict[str, tuple[float, tuple[tuple[str, float], ...], dict[str, Any]]] = {
+    'mbot': (1.0, (), {'robot': 'mbot'}),
+    'go2': (3.0, UP, {'robot': 'go2', 'preset': 'unitree', 'limits': 'race'}),
+    'go2 by the network of ours': (
+        1.0,
+        (('2', 2.5), ('p', 1.0)),
+        {'robot': 'go2', 'preset': 'unitree', 'policy': 'ours'},
+    ),
 }
 # What the source that drove does then, at 20 Hz.
 WAYS: dict[str, Callable[[Run], object]] = {
@@ -30,18 +37,19 @@ WAYS: dict[str, Callable[[Run], object]] = {
     'silence': lambda session: None,
     'page closed': lambda session: session.robot.release('page'),
     'e-stop': lambda session: session.e_stop('page'),
+    'key 1': lambda session: session.press('1'),  # legs lie down
 }
 
 
 def trial(robot: str, speed: float, way: str) -> dict[str, Any]:
     """Drive a robot straight ahead at a speed [m/s] and stop it; return how far it went on."""
-    preset, _, more = ROBOTS[robot]
-    options = RunOptions(robot=robot, description=robot, preset=preset, speed=0.0, **more)
+    _, keys, more = ROBOTS[robot]
+    options = RunOptions(description=more['robot'], speed=0.0, **{'preset': 'mbot', **more})
     session = make_ros_run(options)
     world, advance = session.world, session.simulation.advance
     tick = round(0.05 / world.time_step)
     try:
-        for key, seconds in (('2', 2.5), ('5', 0.5)) if robot == 'go2' else ():
+        for key, seconds in keys:
             session.press(key)
             advance(round(seconds / world.time_step))
         for _ in range(round((2.0 + 1.5 * speed) / 0.05)):
@@ -72,9 +80,10 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     keep_alone()
     rclpy.init()
     rows = []
-    for robot, (_, fastest, _) in ROBOTS.items():
+    for robot, (fastest, _, _) in ROBOTS.items():
+        ways = [way for way in WAYS if way != 'key 1' or robot != 'mbot']
         speeds = [speed for speed in SPEEDS if speed <= fastest]
-        for way in WAYS:
+        for way in ways:
             note(f'{robot}: {way}')
             trials = [trial(robot, speed, way) for speed in speeds]
             shown = ', '.join(

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever walks, the model or a network, stops alike when its driver stops, leaves or is lost."""
+
+import math
+
+import pytest
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
+
+pytestmark = pytest.mark.slow
+
+# Keys that make it follow velocities, and for how long it does what they say [s]; options.
+WALKERS = {
+    'model': ((('2', 2.5), ('5', 0.5)), {}),
+    'network': ((('2', 2.5), ('p', 1.0)), {'policy': 'ours'}),
+}
+# What happens, the state that is left, and how far it goes on at most [m].
+WAYS = {
+    'the stick is let go': (lambda run: run.robot.drive((0.0, 0.0, 0.0), 'page'), None, 0.5),
+    'nothing more is said': (lambda run: None, None, 1.0),
+    'the page closes': (lambda run: run.robot.release('page'), None, 0.5),
+    'e-stop': (lambda run: run.e_stop('page'), 'passive', 0.4),
+    'key 1': (lambda run: run.press('1'), 'passive', 0.4),
+}
+
+
+@pytest.mark.parametrize('walker', WALKERS)
+@pytest.mark.parametrize('way', WAYS)
+def test_at_a_metre_a_second_it_stops(walker, way):
+    keys, more = WALKERS[walker]
+    stop, left, most = WAYS[way]
+    run = Run(RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0, **more))
+    world = run.world
+
+    def advance(seconds):
+        run.simulation.advance(round(seconds / world.time_step))
+
+    try:
+        for key, seconds in keys:
+            run.press(key)
+            advance(seconds)
+        walks = run.robot.state
+        for _ in range(60):
+            run.robot.drive((1.0, 0.0, 0.0), 'page')
+            advance(0.05)
+        assert math.hypot(*world.base().planar_velocity[:2]) > 0.85
+        place = world.base().position.copy()
+        stop(run)
+        advance(5.0)
+        assert math.hypot(*world.base().planar_velocity[:2]) < 0.02
+        assert math.dist(place[:2], world.base().position[:2]) < most
+        assert run.robot.state == (left or walks)
+        assert world.base().tilt < 0.3
+    finally:
+        run.close()
