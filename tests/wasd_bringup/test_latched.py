@@ -17,11 +17,13 @@ from wasd_core.topics import LoopbackSubscription
 
 pytestmark = pytest.mark.slow
 
-# How each robot is got to move: keys and when they are pressed [s].
+# How each robot is got to move: keys and when they are pressed [s]; its other options.
 MOVES = {
-    'mbot': ('mbot', 'mbot', []),
-    'go2 trots': ('go2', 'unitree', [(0.0, '2'), (2.5, '4'), *[(3.0, 'w')] * 8]),
-    'go2 follows velocities': ('go2', 'wasd', [(0.0, '2'), (2.5, '5')]),
+    'mbot': ('mbot', 'mbot', [], {}),
+    'go2 trots': ('go2', 'unitree', [(0.0, '2'), (2.5, '4'), *[(3.0, 'w')] * 8], {}),
+    'go2 follows velocities': ('go2', 'wasd', [(0.0, '2'), (2.5, '5')], {}),
+    'go2 gallops': ('go2', 'wasd', [(0.0, '2'), (2.5, '5'), *[(2.6, 'N')] * 2], {}),
+    'go2 plays a network': ('go2', 'wasd', [(0.0, '2'), (2.5, 'p')], {'policy': 'ours'}),
 }
 DOCS = Path(__file__).parents[2] / 'docs/drivers.md'
 ORIGINS = ('key', 'page', 'topic', 'service')
@@ -45,9 +47,16 @@ class Held:
     """A run in which every source holds what moves the robot, and goes on holding it."""
 
     def __init__(self, move, latched=True):
-        robot, preset, self._keys = MOVES[move]
+        robot, preset, self._keys, more = MOVES[move]
         self.session = make_ros_run(
-            RunOptions(robot=robot, description=robot, preset=preset, speed=0.0, latched=latched)
+            RunOptions(
+                robot=robot,
+                description=robot,
+                preset=preset,
+                speed=0.0,
+                latched=latched,
+                **more,
+            )
         )
         self.robot = self.session.robot
         self._motion_keys = {'mbot': 'i', 'unitree': 'w', 'wasd': 'w'}[preset], '2', '4', '5'
