@@ -80,6 +80,17 @@ def heights():
     return heard
 
 
+def pass_time(heard, seconds, each=lambda: None):
+    """Wait for so much simulated time, by what was heard; do something meanwhile, at 20 Hz."""
+    patience = time.monotonic() + 60.0
+    while not heard and time.monotonic() < patience:
+        time.sleep(0.05)
+    end = heard[-1][0] + seconds
+    while heard[-1][0] < end and time.monotonic() < patience:
+        each()
+        time.sleep(0.05)
+
+
 def stand_by_motors():
     """Release the sport mode as the SDK's stand example does, then stand by a thread of 2 ms."""
     began = time.monotonic()
@@ -102,7 +113,10 @@ def stand_by_motors():
 
     thread = RecurrentThread(interval=0.002, target=write, name='write')
     thread.Start()
-    time.sleep(4.0)
+    begin_of_stand = low.states[-1][0]
+    patience = time.monotonic() + 60.0
+    while low.states[-1][0] < begin_of_stand + 4000 and time.monotonic() < patience:
+        time.sleep(0.05)
     ticks = [tick for tick, _ in low.states]
     lost = sum(b - a != 2 for a, b in zip(ticks, ticks[1:], strict=False))
     return {
@@ -120,15 +134,12 @@ def sport():
     sport, heard = client(SportClient), heights()
     version = sport.GetServerApiVersion()
     code = sport.StandUp()
-    time.sleep(3.0)
+    pass_time(heard, 3.0)
     height, start = heard[-1][1].body_height, list(heard[-1][1].position)
     sport.BalanceStand()
-    began = time.monotonic()
-    while time.monotonic() - began < 3.0:
-        sport.Move(0.3, 0, 0)
-        time.sleep(0.05)
+    pass_time(heard, 3.0, lambda: sport.Move(0.3, 0, 0))
     sport.StopMove()
-    time.sleep(1.5)
+    pass_time(heard, 1.5)
     end, last = list(heard[-1][1].position), heard[-1][1]
     sport.StandDown()
     return {

@@ -189,11 +189,20 @@ def test_who_walks_on_smooth_ground_drifts_off_its_level_nowhere(model, level, g
 
 @pytest.mark.parametrize(('speed', 'rises'), [(0.0, 0.0), (0.5, 0.015 * 0.5 * 20 * DT)])
 def test_on_rough_ground_the_level_creeps_toward_the_feet(model, speed, rises):
-    """By 1.5 % of the way; the feet come to it a thirtieth as fast as where it is smooth."""
+    """By 1.5 % of the way; the feet come to it a sixtieth as fast as where it is smooth."""
     estimator = walked(model, (1.02, 1.0), speed, rough=1.0, step_time=NEVER)
     assert estimator.level == pytest.approx(1.0 + rises, abs=1e-9)
     left = estimator.feet[:, 2].mean() - model.geometry.foot_radius - 1.0
-    assert left == pytest.approx(0.02 * (1.0 - DT / LEVEL_TIME / 31.0) ** 20, abs=1e-5)
+    assert left == pytest.approx(0.02 * (1.0 - DT / LEVEL_TIME / 61.0) ** 20, abs=1e-5)
+
+
+def test_a_floor_that_feels_half_as_rough_as_boxes_draws_feet_as_a_floor_does(model):
+    """It is a turn on the spot that rocks the robot: left alone it would leave the floor."""
+    estimator = walked(model, (1.02, 1.0), rough=0.35, step_time=NEVER)
+    left = estimator.feet[:, 2].mean() - model.geometry.foot_radius - 1.0
+    slower = 1.0 + 60.0 * 0.5**6
+    assert left == pytest.approx(0.02 * (1.0 - DT / LEVEL_TIME / slower) ** 20, abs=1e-5)
+    assert slower < 2.0
 
 
 @pytest.mark.parametrize(('ticks', 'level'), [(240, 0.0), (260, 0.06)])

@@ -26,10 +26,11 @@ CHOSEN = ALONE if os.environ.get('WASD_TEST_SIGNALS') == 'all' else SOME
 
 # A terminal in raw mode and nothing else.
 HOLDER = """
-import time
+import os, time
 from teleop_keyboard.terminal import Terminal
 with Terminal(0) as terminal:
-    terminal.before_suspend.append(lambda: print('zero', flush=True))
+    # No print: the signal may come while the next line is being printed.
+    terminal.before_suspend.append(lambda: os.write(1, b'zero'))
     print('ready', flush=True)
     for _ in range(600):  # a signal that comes just before a sleep does not end it
         time.sleep(0.1)

@@ -124,7 +124,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold joint targets for 20 ms."""
         before = self._action
-        self._action = np.clip(np.asarray(action, float), -1.0, 1.0)
+        self._action = np.minimum(np.maximum(np.asarray(action, float), -1.0), 1.0)
         target = np.array(DEFAULT) + np.array(SPEC.action_scale) * self._action
         parts = (target, self._zeros, self._zeros, self._kp, self._kd)
         self._world.apply(JointCommand(*(part[self._motors] for part in parts)))
@@ -163,6 +163,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         joints = list(SPEC.joints)
         self._joints = np.array([world.joint_names.index(name) for name in joints])
         self._motors = np.array([joints.index(name) for name in world.motor_names])
+        self._own = np.flatnonzero(world.model.body_rootid == world.root)
         self._steps = round(SPEC.period / world.time_step)
         self._zeros = np.zeros(12)
         self._kp, self._kd = np.array(SPEC.stiffness), np.array(SPEC.damping)
@@ -176,13 +177,11 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def _height(self, truth: BaseState) -> float:
         """Return the height of the base over the lowest foot [m], about."""
-        data, model = self._world.data, self._world.model
-        own = model.body_rootid == self._world.root
-        return float(truth.position[2] - data.xpos[own, 2].min())
+        return float(truth.position[2] - self._world.data.xpos[self._own, 2].min())
 
     def _reward(self, truth: BaseState, change: np.ndarray) -> float:
         off = truth.planar_velocity - self._command
-        follows = np.exp(-float(off @ off) / SHARPNESS)
+        follows = math.exp(-float(off @ off) / SHARPNESS)
         effort = self._world.joints().effort
         return float(
             follows - EFFORT * (effort @ effort) - JERK * (change @ change) - TILT * truth.tilt**2
