@@ -22,6 +22,7 @@ import cockpit
 import cores
 import cycles
 import describe
+import elevation
 from experiment import FIRST_SEED
 import explore
 from family import end_with_parent
@@ -57,6 +58,7 @@ PARTS = {
     'soak': soak.measure,
     'stops': stops.measure,
     'cycles': cycles.measure,
+    'elevation': elevation.measure,
     'explore': explore.measure,
     'goals': goals.measure,
     'guard': guard.measure,

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes an elevation of what a lidar of points sees, placed by odometry with its drift."""
+
+import numpy as np
+from wasd_core.pose_track import PoseTrack
+from wasd_core.robot_io import BaseOdometry
+from wasd_core.rotations import matrix_from_quaternion, Pose
+
+from quadruped_sim.elevation import Elevation
+
+# What the data sheet says of a range [m], and how well a trunk's tilt is known [rad].
+RANGE_NOISE, TILT_NOISE = 0.02, 0.005
+# Farther points tell little of heights [m].
+FARTHEST = 3.0
+# A cloud takes 67 ms [s].
+TRACKED = 0.5
+# Two points that a lidar has seen within this time [s], as near to each other [m], are of a wall
+# or a riser where the line through them is steeper than 35 degrees and rises by more than noise
+# does [m]. Such points are no ground: they would blur the edge above them by their noise.
+SOON, NEAR, STEEP, RISES = 2e-4, 0.3, 0.7, 0.02
+# How many points later the second of them comes.
+_LATER = (1, 2)
+
+
+class ElevationMapper:
+    """Maps from clouds and odometry, in simulated time; `elevation` is in odometry's frame."""
+
+    def __init__(self, mount: Pose) -> None:
+        """Take where the lidar's frame is in the base."""
+        self._mount = mount
+        self.elevation = Elevation()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the map and where the robot was."""
+        self._track = PoseTrack(TRACKED)
+        self._odometry: BaseOdometry | None = None
+        self._time: float | None = None
+        self.elevation.reset()
+
+    def take_pose(self, time: float, odometry: BaseOdometry) -> None:
+        """Take where the robot believes to be at a time [s]; as often as it is known."""
+        self._track.add(time, odometry.position, odometry.orientation)
+        self._odometry = odometry
+
+    def take_cloud(self, time: float, points: np.ndarray) -> bool:
+        """
+        Add a cloud that began at a time [s]; return whether it could be placed.
+
+        `points` have the fields x y z [m], in the lidar's frame, and `time` since then [s].
+        """
+        odometry = self._odometry
+        seen = np.stack([points[axis] for axis in 'xyz'], axis=1).astype(float)
+        times = time + points['time'].astype(float)
+        placed = self._track.place(seen, times, self._mount)
+        if placed is None or odometry is None:
+            return False
+        if self._time is not None and time < self._time:  # time began again
+            self.elevation.reset()
+            self._time = None
+        self.elevation.age(0.0 if self._time is None else time - self._time)
+        self._time = time
+        self.elevation.move_to(odometry.position[:2])
+        rotation = matrix_from_quaternion(odometry.orientation)
+        away = placed - odometry.position - rotation @ self._mount.position
+        ranges = np.linalg.norm(seen, axis=1)
+        used = (ranges > 0.0) & (ranges < FARTHEST) & ~_is_upright(placed, times)
+        away, ranges = away[used], ranges[used]
+        along = RANGE_NOISE * away[:, 2] / ranges
+        tilted = TILT_NOISE * np.hypot(away[:, 0], away[:, 1])
+        self.elevation.add(placed[used], along**2 + tilted**2)
+        return True
+
+
+def _is_upright(points: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return which points (n, 3) [m], in the order of their times [s], are of upright faces."""
+    found = np.zeros(len(points), bool)
+    for later in _LATER:
+        between = points[later:] - points[:-later]
+        level, rise = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
+        are_together = (times[later:] - times[:-later] < SOON) & (level < NEAR)
+        steep = are_together & (rise > RISES) & (rise > STEEP * level)
+        found[later:] |= steep
+        found[:-later] |= steep
+    return found
