@@ -35,11 +35,18 @@ class ElevationMapper:
         """Forget the map and where the robot was."""
         self._track = PoseTrack(TRACKED)
         self._odometry: BaseOdometry | None = None
-        self._time: float | None = None
+        self._posed_at = self._seen_at = -np.inf
         self.elevation.reset()
 
     def take_pose(self, time: float, odometry: BaseOdometry) -> None:
-        """Take where the robot believes to be at a time [s]; as often as it is known."""
+        """
+        Take where the robot believes to be at a time [s], as often as it is known.
+
+        A time that begins again begins all again.
+        """
+        if time < self._posed_at:
+            self.reset()
+        self._posed_at = time
         self._track.add(time, odometry.position, odometry.orientation)
         self._odometry = odometry
 
@@ -55,11 +62,9 @@ class ElevationMapper:
         placed = self._track.place(seen, times, self._mount)
         if placed is None or odometry is None:
             return False
-        if self._time is not None and time < self._time:  # time began again
-            self.elevation.reset()
-            self._time = None
-        self.elevation.age(0.0 if self._time is None else time - self._time)
-        self._time = time
+        if np.isfinite(self._seen_at):
+            self.elevation.age(time - self._seen_at)
+        self._seen_at = time
         self.elevation.move_to(odometry.position[:2])
         rotation = matrix_from_quaternion(odometry.orientation)
         away = placed - odometry.position - rotation @ self._mount.position

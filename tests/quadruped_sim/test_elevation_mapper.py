@@ -69,6 +69,7 @@ def test_time_that_begins_again_and_a_reset_forget_the_map():
     mapper.take_pose(5.0, at(0.0))
     mapper.take_cloud(5.0, cloud([(1.0, 0.0, -0.4)], [0.0]))
     mapper.take_pose(0.1, at(0.0))
+    assert np.isnan(mapper.elevation.heights()).all()
     mapper.take_cloud(0.1, cloud([(1.0, 0.5, -0.4)], [0.0]))
     assert np.isfinite(mapper.elevation.heights()).sum() == 1
     mapper.reset()

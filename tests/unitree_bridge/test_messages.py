@@ -3,6 +3,7 @@
 
 import json
 import random
+import struct
 
 import numpy as np
 import pytest
@@ -41,6 +42,15 @@ def test_a_message_is_the_sdk_s_byte_for_byte(name):
 def test_what_is_read_is_written_the_same(name):
     shape, (raw, _) = getattr(shapes, name.upper()), golden(name)
     assert encode(shape, decode(shape, raw)) == raw
+
+
+def test_a_height_map_is_laid_out_as_its_idl_says():
+    # double stamp; string frame_id; float resolution; unsigned long width, height; ...
+    data = np.arange(6, dtype='<f4')
+    values = {'stamp': 1.25, 'frame_id': 'odom', 'resolution': 0.04, 'width': 3, 'height': 2}
+    raw = encode(shapes.HEIGHT_MAP, {**values, 'origin': (-0.5, 2.0), 'data': data})
+    head = struct.pack('<dI5s3xfIIffI', 1.25, 5, b'odom\0', 0.04, 3, 2, -0.5, 2.0, 6)
+    assert raw == b'\x00\x01\x00\x00' + head + data.tobytes()
 
 
 @pytest.mark.parametrize('name', ['low_cmd', 'low_state'])

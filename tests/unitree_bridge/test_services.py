@@ -342,6 +342,39 @@ def test_a_deskewed_cloud_has_the_floor_level_while_the_robot_trots_and_turns(st
 
 
 @pytest.mark.slow
+def test_the_height_map_has_the_floor_and_the_steps_where_programs_read_them():
+    rig = Rig(world='stairs:0.13')
+    rig.wire.unheard.add('rt/utlidar/height_map_array')
+    rig.call('sport', STAND_UP)
+    rig.run(3.0)
+    assert 'rt/utlidar/height_map_array' not in rig.wire.told
+    rig.wire.unheard.remove('rt/utlidar/height_map_array')
+    rig.run(1.5)
+    assert 20 <= len(rig.wire.told['rt/utlidar/height_map_array']) <= 23
+    said = rig.wire.last(topics.HEIGHT_MAP)
+    assert (said['frame_id'], said['width'], said['height']) == ('odom', 100, 100)
+    assert said['stamp'] == pytest.approx(rig.go2.world.time, abs=0.15)
+    # As programs of the real one do it.
+    known = {}
+    for row in range(said['height']):
+        for column in range(said['width']):
+            height = said['data'][column + said['width'] * row]
+            if height != np.float32(1e9):
+                x = column * said['resolution'] + said['origin'][0]
+                y = row * said['resolution'] + said['origin'][1]
+                known[x, y] = height
+    assert 0.2 < len(known) / 100**2 < 0.9
+    off = rig.go2.legs.odometry.position - rig.go2.world.base().position
+    heights = np.array([(x - off[0], y - off[1], z - off[2]) for (x, y), z in known.items()])
+    x, z = heights[:, 0], heights[:, 2]
+    assert np.abs(z[x < 0.74]).max() < 0.05
+    assert np.median(np.abs(z[x < 0.74])) < 0.01
+    step = z[(x > 0.86) & (x < 1.0)]
+    assert len(step) > 50
+    assert abs(np.median(step) - 0.13) < 0.015
+
+
+@pytest.mark.slow
 def test_the_front_video_has_three_sizes_of_one_picture():
     rig = Rig(world='room')
     rig.wire.unheard.clear()

@@ -152,6 +152,16 @@ SPORT_MODE_STATE = _go(
     path_point=Several(PATH_POINT, 10),
 )
 WIRELESS_CONTROLLER = _go('WirelessController', lx=F32, ly=F32, rx=F32, ry=F32, keys=U16)
+HEIGHT_MAP = _go(
+    'HeightMap',
+    stamp=F64,
+    frame_id=TEXT,
+    resolution=F32,
+    width=U32,
+    height=U32,
+    origin=Several(F32, 2),
+    data=Many(F32),
+)
 # Pictures of 1280 x 720, 640 x 360 and 320 x 180.
 FRONT_VIDEO = _go(
     'Go2FrontVideoData',

@@ -7,6 +7,8 @@ from mujoco_sim.sensors.cloud import POINT
 from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.mount import Fields
 import numpy as np
+from quadruped_sim.elevation import Elevation
+from quadruped_sim.elevation_mapper import ElevationMapper
 from wasd_core.errors import InvalidMessage
 from wasd_core.pose_track import PoseTrack
 from wasd_core.robot_io import BaseOdometry
@@ -16,7 +18,7 @@ from wasd_core.timing import Beat
 from unitree_bridge import topics
 from unitree_bridge.cdr import decode, encode
 from unitree_bridge.robot import Robot
-from unitree_bridge.shapes import IMU, ODOMETRY, POINT_CLOUD, POSE_STAMPED, STRING
+from unitree_bridge.shapes import HEIGHT_MAP, IMU, ODOMETRY, POINT_CLOUD, POSE_STAMPED, STRING
 from unitree_bridge.topics import Topic
 from unitree_bridge.wire import Wire
 
@@ -28,15 +30,19 @@ CLOUD_FRAME, ODOM_FRAME, BASE_FRAME, IMU_FRAME = (
 )
 # The rates of what is told beside the cloud, which comes as the lidar measures [Hz].
 _RATES = ((topics.LIDAR_IMU, 250.0), (topics.ROBOT_POSE, 50.0), (topics.ROBOT_ODOM, 50.0))
+# What is told of each cloud.
+_OF_CLOUDS = (topics.CLOUD, topics.CLOUD_DESKEWED, topics.HEIGHT_MAP)
 # The numbers of sensor_msgs/PointField.
 _DATATYPES = {'<f4': 7, '<u2': 4}
 # A cloud takes 67 ms, a turn of a planar lidar up to 200 ms [s].
 _TRACKED = 0.5
+# What a cell of the height map says of which nothing is known.
+EMPTY = 1e9
 
 
 class LidarTopics:
     """
-    Tells clouds of a lidar, and pose, odometry and IMU, while somebody listens.
+    Tells clouds and heights of a lidar, pose, odometry and IMU, while somebody listens.
 
     `rt/utlidar/switch` with OFF ends all of it, with ON it goes on.
     """
@@ -45,6 +51,7 @@ class LidarTopics:
         """Take a robot, and where the lidar's frame is in its base."""
         self._robot, self._mount = robot, mount
         self._track = PoseTrack(_TRACKED)
+        self._mapper = ElevationMapper(mount)
         self.is_on = True
         self._wire: Wire | None = None
         self._beats = {topic.name: Beat() for topic, _ in _RATES}
@@ -52,7 +59,7 @@ class LidarTopics:
     @property
     def wants_clouds(self) -> bool:
         """Whether a cloud would be told."""
-        return self._is_wanted(topics.CLOUD) or self._is_wanted(topics.CLOUD_DESKEWED)
+        return any(map(self._is_wanted, _OF_CLOUDS))
 
     def take(self, time: float, seen: Fields) -> None:
         """Tell what a lidar has seen at a simulated time [s], points or a scan, as a cloud."""
@@ -66,6 +73,11 @@ class LidarTopics:
             if placed is not None:
                 told = encode(POINT_CLOUD, cloud(time, placed, ODOM_FRAME))
                 self._wire.publish(topics.CLOUD_DESKEWED, told)
+        # A planar lidar sees no heights.
+        is_mapped = 'points' in seen and self._is_wanted(topics.HEIGHT_MAP)
+        if is_mapped and self._mapper.take_cloud(time, points):
+            told = encode(HEIGHT_MAP, height_map(time, self._mapper.elevation))
+            self._wire.publish(topics.HEIGHT_MAP, told)
 
     def _is_wanted(self, topic: Topic) -> bool:
         return self.is_on and self._wire is not None and self._wire.is_heard(topic)
@@ -87,6 +99,8 @@ class LidarTopics:
         odometry = self._robot.odometry
         if odometry is not None and self._is_wanted(topics.CLOUD_DESKEWED):
             self._track.add(self._robot.time, odometry.position, odometry.orientation)
+        if odometry is not None and self._is_wanted(topics.HEIGHT_MAP):
+            self._mapper.take_pose(self._robot.time, odometry)
         for raw in wire.take(topics.LIDAR_SWITCH):
             self._switch(raw)
         makers = {
@@ -196,6 +210,19 @@ def cloud(time: float, points: np.ndarray, frame: str = CLOUD_FRAME) -> dict[str
         'row_step': points.dtype.itemsize * len(points),
         'data': points.tobytes(),
         'is_dense': True,
+    }
+
+
+def height_map(time: float, elevation: Elevation) -> dict[str, Any]:
+    """Return the fields of a HeightMap: x is fastest, the origin the middle of the first cell."""
+    return {
+        'stamp': time,
+        'frame_id': ODOM_FRAME,
+        'resolution': elevation.resolution,
+        'width': elevation.count,
+        'height': elevation.count,
+        'origin': elevation.corner + 0.5 * elevation.resolution,
+        'data': np.nan_to_num(elevation.heights(), nan=EMPTY).astype('<f4').ravel(),
     }
 
 
