@@ -42,6 +42,8 @@ from wasd_core.topics import (
 )
 
 from quadruped_sim.controller_file import read_leg_file
+from quadruped_sim.elevation import Elevation
+from quadruped_sim.elevation_publisher import CloudInput, ElevationPublisher
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import leg_controller, LegNodeParameters
@@ -78,7 +80,11 @@ class LegControllerNode(Node):
         settings = declare_parameters(
             self, LegNodeParameters, self._on_change, _parameters_of_file(self)
         )
-        self.legs = legs or Legs(load_robot(settings.description), inform=self.get_logger().info)
+        description = None if legs else load_robot(settings.description)
+        if description is not None:
+            legs = Legs(description, inform=self.get_logger().info)
+        assert legs is not None
+        self.legs = legs
         self.legs.configure(settings)
         for note in self.legs.controller.notes:
             self.get_logger().warning(note)
@@ -94,9 +100,17 @@ class LegControllerNode(Node):
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._published_state = ''
         self._tf = TfBroadcaster(self)
+        self.heights = ElevationPublisher(self)
+        self._seen: Elevation | None = None
         self.on_e_stop: Callable[[], object] = self.legs.e_stop
         self.create_service(Trigger, '~/e_stop', self._on_e_stop)
-        self.readings = self._listen() if legs is None else None
+        self.readings: Readings | None = None
+        if description is not None:
+            wanted = self.heights
+            self._clouds = CloudInput(
+                self, description.robot, lambda: wanted.is_wanted, self.tell_heights
+            )
+            self.readings = self._listen()
 
     @property
     def controller(self) -> LegController:
@@ -114,9 +128,18 @@ class LegControllerNode(Node):
         state = self.legs.odometry if self._tf.available else None
         if state is not None:
             self._tf.send([to_base_transform(state, *self.frames, stamp)])
+        self.heights.look()
+        odometry = self.legs.odometry if self.heights.is_wanted else None
+        if self._seen is not None and odometry is not None:
+            self.heights.publish_scan(self._seen, odometry, self.frames[0], stamp)
         if self.legs.state != self._published_state:
             self._published_state = self.legs.state
             self._state.publish(String(data=self._published_state))
+
+    def tell_heights(self, elevation: Elevation, stamp: Time) -> None:
+        """Publish a map that a cloud of this stamp has changed; `publish` scans it from now on."""
+        self._seen = elevation
+        self.heights.publish_map(elevation, self.frames[0], stamp)
 
     def odometry(self, stamp: Time | None = None) -> Odometry | None:
         """Return odom as `publish` publishes it, of now; None before there is any."""
@@ -186,6 +209,9 @@ class LegControllerNode(Node):
         """Publish the command for joints of this stamp."""
         motors = self.legs.model.quadruped.joint_names
         self._commands.publish(to_joint_commands(motors, command, stamp))
+        odometry = self.legs.odometry
+        if odometry is not None:
+            self._clouds.step(to_seconds(stamp), odometry)
         if self._beat.is_due(to_seconds(stamp), self.legs.settings.publish_rate):
             # Of the reading: this node's own clock need not be the simulator's.
             self.publish(stamp)

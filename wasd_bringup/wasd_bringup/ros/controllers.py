@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from wasd_core.messages import to_stamp
 from wasd_core.topics import LoopbackSubscription, RELIABLE
 
 from wasd_bringup.run.mbot import Mbot
@@ -115,12 +116,19 @@ class LegsFace(ControllerFace):
         # Here, because wheels do without.
         from quadruped_sim.leg_controller_node import LegControllerNode
 
+        from wasd_bringup.run.elevation import RobotElevation
+
         given = [Parameter(name, value=value) for name, value in robot.given.items()]
         node = LegControllerNode(
             robot.legs, namespace=robot.options.namespace, parameter_overrides=given
         )
         super().__init__(robot, node)
         self.key_inputs.insert(0, node.keys)
+        self._elevation = RobotElevation(robot)
+        self._elevation.wanted_by.append(lambda: node.heights.is_wanted)
+        self._elevation.on_map.append(
+            lambda elevation, now: node.tell_heights(elevation, to_stamp(now))
+        )
         if robot.options.interactive:
             # What it refuses is in the status line; a log would break that line.
             node.get_logger().set_level(LoggingSeverity.ERROR)
@@ -136,6 +144,7 @@ class LegsFace(ControllerFace):
 
     def schedule(self, schedule: Any) -> None:
         """Publish on a schedule."""
+        schedule.every(self.robot.period, self._elevation.step)
         schedule.every(1.0 / self.node.legs.settings.publish_rate, self.node.publish)
 
 

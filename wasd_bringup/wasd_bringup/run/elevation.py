@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The heights around a robot of a run, by its lidar of points and its odometry."""
+
+from collections.abc import Callable
+from typing import Any
+
+from quadruped_sim.elevation import Elevation
+from quadruped_sim.elevation_mapper import ElevationMapper
+
+from wasd_bringup.run.robot import Robot
+
+
+class RobotElevation:
+    """
+    Maps in simulated time while one of those who are `wanted_by` wants it; costs nothing else.
+
+    `on_map` hear of a map with each cloud, with the cloud's time [s]. A robot without a lidar of
+    points never has one.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self.wanted_by: list[Callable[[], bool]] = []
+        self.on_map: list[Callable[[Elevation, float], None]] = []
+        self.mapper: ElevationMapper | None = None
+        topics = [topic for topic in robot.sensors.topics if topic.kind == 'PointCloud2']
+        if topics:
+            self.mapper = ElevationMapper(topics[0].mount.pose)
+            topics[0].listen(self._take, self._is_wanted)
+            robot.simulation.on_reset.append(self.mapper.reset)
+
+    def step(self) -> None:
+        """Take where the robot believes to be now; to be called after each step of control."""
+        odometry = self._robot.odometry
+        if self.mapper is not None and odometry is not None and self._is_wanted():
+            self.mapper.take_pose(self._robot.world.time, odometry)
+
+    def _is_wanted(self) -> bool:
+        return any(wants() for wants in self.wanted_by)
+
+    def _take(self, now: float, fields: dict[str, Any]) -> None:
+        mapper = self.mapper
+        if mapper is not None and mapper.take_cloud(now, fields['points']):
+            for tell in self.on_map:
+                tell(mapper.elevation, now)
