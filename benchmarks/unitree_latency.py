@@ -5,14 +5,16 @@ How fast programs of Unitree's SDK are served: run it on an idle machine, with t
     .venv/bin/python benchmarks/unitree_latency.py [SECONDS] [DOMAIN]
 
 A program answers each LowState with a LowCmd that names its tick. Printed are how many LowStates
-were told and heard, how long it takes until the command is in force, how busy a core is, how long
-a call takes, and how soon a program that starts hears its first LowState.
+were heard and lost, how long it takes until the command is here and in force, how busy a core is,
+how long a call takes, and how soon a program that starts hears its first LowState.
 """
 
+import contextlib
 import json
 from pathlib import Path
 import subprocess
 import sys
+import threading
 import time
 from typing import Any
 
@@ -26,17 +28,38 @@ from unitree_bridge.wire import Wire
 
 from unitree_bridge import topics
 
+# For how long the robot is alone before [s].
+ALONE = 10.0
 PROGRAMS = Path(__file__).parents[1] / 'tests/unitree_sdk_programs.py'
 TICK, ANSWERED = Layout(LOW_STATE).field('tick'), Layout(LOW_CMD).field('reserve')
 
 
 class Watched:
-    """A wire on which it is noted when LowStates go and when the commands are taken."""
+    """A wire on which it is noted when LowStates go, and when commands come and are taken."""
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         self.sent: dict[int, float] = {}
         self.trips: list[float] = []
+        self.ways: list[float] = []
+        self._came, self._is_taken, self._is_over = 0.0, threading.Event(), False
+        threading.Thread(target=self._await, daemon=True).start()
+
+    def _await(self) -> None:
+        """Note when a command comes that is not taken yet."""
+        has_come = False
+        while not self._is_over:
+            with contextlib.suppress(KeyError):  # the wire is closed
+                has_come = self._wire.wait(topics.LOW_CMD, 0.1)
+            if has_come:
+                self._came = time.perf_counter()
+                self._is_taken.clear()
+                self._is_taken.wait(0.1)
+
+    def close(self) -> None:
+        """Be gone, as the wire is."""
+        self._is_over = True
+        self._wire.close()
 
     def __getattr__(self, name: str) -> Any:
         """Do all else as the wire does."""
@@ -52,10 +75,18 @@ class Watched:
         """Note how long ago the LowState went that a command answers."""
         taken = self._wire.take(topic)
         if topic.name == topics.LOW_CMD.name:
-            now = time.perf_counter()
-            ticks = [int(ANSWERED.of(raw)[0]) for raw in taken]
-            self.trips += [now - self.sent[tick] for tick in ticks if tick in self.sent]
+            now, came = time.perf_counter(), self._came
+            sent = [self.sent.get(int(ANSWERED.of(raw)[0]), now) for raw in taken]
+            self.trips += [now - at for at in sent]
+            self.ways += [came - at for at in sent if came > at]
+            self._is_taken.set()
         return taken
+
+
+def in_words(times: list[float]) -> str:
+    """Return shares of times [s] in words, in milliseconds."""
+    p50, p90, p99, most = 1e3 * np.percentile(times, (50, 90, 99, 100))
+    return f'p50 {p50:.2f}, p90 {p90:.2f}, p99 {p99:.2f}, max {most:.1f}'
 
 
 def serve(go2: SimulatedGo2, domain: int, *words: str) -> dict[str, Any]:
@@ -68,20 +99,39 @@ def serve(go2: SimulatedGo2, domain: int, *words: str) -> dict[str, Any]:
     return seen
 
 
+def count(domain: int, seconds: float) -> None:
+    """Print how many LowStates come within so long [s], and how many between them do not."""
+    kept = topics.LOW_STATE._replace(depth=10**6)
+    wire = open_wire(domain, 'lo', (), (kept,))
+    time.sleep(seconds)
+    ticks = np.array([int(TICK.of(raw)[0]) for raw in wire.take(kept)])
+    print(len(ticks), int((np.diff(ticks) // 2 - 1).sum()))
+    wire.close()
+
+
 def main() -> None:
     """Simulate so long [s] and print what was measured."""
     seconds, domain = float((sys.argv[1:] or ['60'])[0]), int((sys.argv[2:] or ['0'])[0])
     wire = Watched(open_wire(domain, 'lo', ALL_OUT, ALL_INTO))
     go2 = SimulatedGo2(Scene(), wire, print)
     began, spent = time.perf_counter(), time.process_time()
-    heard = serve(go2, domain, 'round_trip', str(seconds))['heard']
+    go2.run(lambda: False, go2.world.time + ALONE)
+    alone = (time.process_time() - spent) / (time.perf_counter() - began)
+    began, spent, simulated = time.perf_counter(), time.process_time(), go2.world.time
+    with subprocess.Popen(
+        [sys.executable, __file__, 'count', str(domain), str(seconds)], stdout=subprocess.PIPE
+    ) as counter:
+        seen = serve(go2, domain, 'round_trip', str(seconds))
+        assert counter.stdout is not None
+        came, lost = map(int, counter.stdout.read().split())
     wall, spent = time.perf_counter() - began, time.process_time() - spent
-    p50, p90, p99, most = 1e3 * np.percentile(wire.trips, (50, 90, 99, 100))
-    share = f'{spent / wall:.2f} of a core for robot and interface'
-    print(f'real-time factor {go2.world.time / wall:.3f}, {share}')
-    print(f'LowStates: {len(wire.sent)} told while somebody listened, {heard} heard')
-    trips = f'p50 {p50:.2f}, p90 {p90:.2f}, p99 {p99:.2f}, max {most:.1f}'
-    print(f'until the command is in force [ms]: {trips}; it is looked for every 2 ms')
+    rate = (seen['heard'] + seen['missed'] - 1) / seen['seconds']
+    share = f'{spent / wall:.2f} of a core, {alone:.2f} while nobody listens'
+    print(f'real-time factor {(go2.world.time - simulated) / wall:.3f}, {share}')
+    print(f'LowStates: {rate:.2f} a second of wall time, {lost} of {came} lost on the way')
+    print(f'... of which the SDK, whose reader has room for one, missed {seen["missed"]}')
+    print(f'from a LowState until its command is here [ms]: {in_words(wire.ways)}')
+    print(f'... and in force: {in_words(wire.trips)}; it is looked for every 2 ms')
     took = 1e3 * np.array(serve(go2, domain, 'calls')['took'])
     middle, worst = np.median(took), took.max()
     print(f'{len(took)} calls of the sport service [ms]: p50 {middle:.2f}, max {worst:.1f}')
@@ -91,4 +141,7 @@ def main() -> None:
 
 
 if __name__ == '__main__':
-    main()
+    if sys.argv[1:2] == ['count']:
+        count(int(sys.argv[2]), float(sys.argv[3]))
+    else:
+        main()

@@ -198,8 +198,13 @@ def round_trip(seconds=4.0):
     """Answer each LowState at once, with its tick."""
     low = LowLevel()
     low.on_state = lambda state: low.send(STANDING, kp=0.0, kd=0.0, reserve=state.tick)
-    time.sleep(float(seconds))
-    return {'heard': len(low.states)}
+    began = time.monotonic()
+    low.came.wait(5.0)
+    first = time.monotonic()
+    time.sleep(float(seconds) - (first - began))
+    over, ticks = time.monotonic(), [tick for tick, _ in list(low.states)]
+    missed = sum((b - a) // 2 - 1 for a, b in zip(ticks, ticks[1:], strict=False))
+    return {'heard': len(ticks), 'missed': missed, 'seconds': over - first}
 
 
 def example(path):

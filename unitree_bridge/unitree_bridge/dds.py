@@ -41,6 +41,10 @@ _NUMBERS = {
 _ANY_STATE = SampleState.Any | ViewState.Any | InstanceState.Any
 
 
+# What a listener has not acknowledged yet is kept, to be sent again: LowStates of 0.1 s.
+_KEPT = 50
+
+
 class DdsWire:
     """A participant of a DDS domain: a `Wire`."""
 
@@ -112,8 +116,8 @@ class DdsWire:
     def _writer(self, topic: 'DdsTopic[Any]') -> 'DataWriter[Any]':
         # Physics does not wait for a listener that has stopped.
         reliable = Policy.Reliability.Reliable(max_blocking_time=0)
-        own = Policy.IgnoreLocal.Participant
-        return DataWriter(self._participant, topic, Qos(reliable, own))
+        own, last = Policy.IgnoreLocal.Participant, Policy.History.KeepLast(_KEPT)
+        return DataWriter(self._participant, topic, Qos(reliable, own, last))
 
     def _reader(self, topic: 'DdsTopic[Any]', depth: int) -> 'DataReader[Any]':
         reliable = Policy.Reliability.Reliable(max_blocking_time=0)
