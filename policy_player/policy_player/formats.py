@@ -3,7 +3,8 @@
 What each training framework writes of a policy, read into a `PolicySpec`.
 
 mjlab writes metadata into the ONNX file, Isaac Lab and unitree_rl_lab a deploy.yaml, rl_sar a
-config.yaml; legged_gym and MuJoCo Playground write nothing and are presets.
+config.yaml, unitree_rl_gym a yaml of its own; legged_gym and MuJoCo Playground write nothing and
+are presets.
 """
 
 from collections.abc import Callable, Mapping
@@ -338,6 +339,75 @@ def _rl_sar_joints(said: Mapping[str, Any], count: int, assumed: list[str]) -> t
     ):
         raise PolicyError(f'joint_mapping: wanted each of 0 to {count - 1} once')
     return tuple(str(names[int(index)]) for index in mapping)
+
+
+# unitree_rl_gym's clock of the steps of its G1 [s], which its scripts have and its files have not.
+_GYM_PHASE = 0.8
+
+
+def from_rl_gym(values: Mapping[str, Any]) -> PolicySpec:
+    """
+    Return what unitree_rl_gym's file says of its G1: twelve joints of legs, nothing else moves.
+
+    It is of deploy_mujoco (simulation_dt, control_decimation) or of deploy_real (control_dt).
+
+    Raises:
+        PolicyError: what is missing or wrong, by its name.
+    """
+    paths = f'{values.get("xml_path", "")} {values.get("policy_path", "")}'
+    if 'g1' not in paths:
+        raise PolicyError(
+            f'policy_path: got {paths.strip()[:60]!r}, in doubt: only the order of the legs of a '
+            'G1 is known, whose path says g1'
+        )
+    joints = MOTOR_ORDER[29][:12]
+    count = check_numbers(_need(values, 'num_actions'), 1, 'num_actions')[0]
+    if count != len(joints):
+        raise PolicyError(f'num_actions: got {count:g}, a G1 has {len(joints)} joints of legs')
+    terms = [
+        Term(name='angular_velocity', scale=_gym_scale(values, 'ang_vel_scale')),
+        Term(name='gravity'),
+        Term(name='command', scale=_gym_scale(values, 'cmd_scale', 3)),
+        Term(name='joint_position', scale=_gym_scale(values, 'dof_pos_scale')),
+        Term(name='joint_velocity', scale=_gym_scale(values, 'dof_vel_scale')),
+        Term(name='last_action'),
+    ]
+    shown = check_numbers(_need(values, 'num_obs'), 1, 'num_obs')[0]
+    if shown not in (45, 47):
+        raise PolicyError(f'num_obs: got {shown:g}, wanted 45, or 47 with a clock')
+    has_clock = shown == 47
+    most = values.get('max_cmd')
+    default = check_numbers(_need(values, 'default_angles'), len(joints), 'default_angles')
+    return PolicySpec(
+        source='the file of unitree_rl_gym',
+        joints=joints,
+        stiffness=check_numbers(_need(values, 'kps'), len(joints), 'kps'),
+        damping=check_numbers(_need(values, 'kds'), len(joints), 'kds'),
+        default_position=default,
+        action_scale=check_numbers(_need(values, 'action_scale'), len(joints), 'action_scale'),
+        action_offset=default,
+        terms=(*terms, Term(name='phase')) if has_clock else tuple(terms),
+        period=_gym_period(values),
+        phase_period=_GYM_PHASE if has_clock else 0.0,
+        ranges=None
+        if most is None
+        else tuple((-one, one) for one in map(abs, check_numbers(most, 3, 'max_cmd'))),
+        assumed=(
+            'the order of the joints is that of a G1',
+            *([f'a clock of {_GYM_PHASE:g} s'] if has_clock else []),
+        ),
+    )
+
+
+def _gym_scale(values: Mapping[str, Any], key: str, count: int = 1) -> Numbers:
+    return check_numbers(_need(values, key), count, key)
+
+
+def _gym_period(values: Mapping[str, Any]) -> float:
+    if 'control_dt' in values:
+        return check_numbers(values['control_dt'], 1, 'control_dt')[0]
+    parts = [_need(values, key) for key in ('simulation_dt', 'control_decimation')]
+    return math.prod(check_numbers(parts, 2, 'simulation_dt, control_decimation'))
 
 
 def _legs(*order: str) -> tuple[str, ...]:

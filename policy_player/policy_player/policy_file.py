@@ -9,7 +9,7 @@ import numpy as np
 from wasd_core.errors import DescriptionError, suggest
 from wasd_core.safe_files import read_file
 
-from policy_player.formats import from_deploy, from_metadata, from_rl_sar, PRESETS
+from policy_player.formats import from_deploy, from_metadata, from_rl_gym, from_rl_sar, PRESETS
 from policy_player.network import Network, OnnxNetwork
 from policy_player.onnx_file import LARGEST_NETWORK, OnnxFile, read_onnx
 from policy_player.spec import PolicyError, PolicySpec
@@ -120,10 +120,13 @@ def _read_config(path: Path) -> PolicySpec:
         inner = next(iter(values.values())) if len(values) == 1 else values
         if isinstance(inner, dict) and 'rl_kp' in inner:
             return from_rl_sar(values, _base(path))
+        if 'kps' in values and 'default_angles' in values:
+            return from_rl_gym(values)
     except PolicyError as error:
         raise _ConfigError(f'{path}: {error}') from None
     raise _ConfigError(
-        f'{path}: neither a deploy.yaml (joint_ids_map) nor a config.yaml of rl_sar (rl_kp)'
+        f'{path}: neither a deploy.yaml (joint_ids_map), nor a config.yaml of rl_sar (rl_kp), '
+        'nor a file of unitree_rl_gym (kps)'
     )
 
 

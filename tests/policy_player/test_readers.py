@@ -20,6 +20,7 @@ from policy_files import (
     torchscript,
     write,
 )
+from policy_player.formats import from_rl_gym
 from policy_player.observations import Observer
 from policy_player.onnx_writer import write_layers
 from policy_player.player import Player
@@ -186,6 +187,83 @@ def test_deploy_yaml_of_isaac_lab(tmp_path, rng, order, length, by_time):
     policy = read_policy(path)
     assert policy.spec.ranges == ((-0.5, 1.0), (-0.3, 0.3), (-0.2, 0.2))
     compare(policy, moments(rng, joints), reference)
+
+
+GYM = {
+    'policy_path': '{LEGGED_GYM_ROOT_DIR}/deploy/pre_train/g1/motion.pt',
+    'kps': [100.0, 100.0, 100.0, 150.0, 40.0, 40.0] * 2,
+    'kds': [2.0, 2.0, 2.0, 4.0, 2.0, 2.5] * 2,
+    'default_angles': [-0.1, 0.0, 0.0, 0.3, -0.2, 0.0, -0.12, 0.0, 0.0, 0.31, -0.2, 0.0],
+    'ang_vel_scale': 0.25,
+    'dof_pos_scale': 1.0,
+    'dof_vel_scale': 0.05,
+    'action_scale': 0.25,
+    'cmd_scale': [2.0, 2.0, 0.25],
+    'num_actions': 12,
+}
+GYM_STEPS = {
+    'deploy_mujoco': {'simulation_dt': 0.002, 'control_decimation': 10},
+    'deploy_real': {'control_dt': 0.02, 'max_cmd': [0.8, 0.5, 1.57]},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', GYM_STEPS)
+@pytest.mark.parametrize('width', [45, 47])
+def test_the_file_of_unitree_rl_gym_is_of_the_twelve_joints_of_a_g1s_legs(
+    tmp_path, rng, kind, width
+):
+    weights, biases = layers(rng, width, 24, 12)
+    path = tmp_path / 'walk.onnx'
+    path.write_bytes(onnx(weights, biases))
+    config = write(tmp_path, 'g1.yaml', {**GYM, **GYM_STEPS[kind], 'num_obs': width})
+    joints = G1_ORDER[:12]
+
+    def reference(past, actions):
+        m, turn = past[-1], 2 * np.pi * 0.02 * (len(past) - 1) / 0.8
+        rest = dict(zip(joints, GYM['default_angles'], strict=True))
+        shown = np.concatenate(
+            [
+                0.25 * m['omega'],
+                down(m['q']),
+                m['command'] * (2.0, 2.0, 0.25),
+                [m['position'][name] - rest[name] for name in joints],
+                [0.05 * m['velocity'][name] for name in joints],
+                actions[-1] if actions else np.zeros(12),
+                [np.sin(turn), np.cos(turn)][: width - 45],
+            ]
+        )
+        action = run(weights, biases, shown)
+        return (
+            shown,
+            action,
+            {
+                name: (rest[name] + 0.25 * action[i], GYM['kps'][i], GYM['kds'][i])
+                for i, name in enumerate(joints)
+            },
+        )
+
+    policy = read_policy(path, config)
+    assert policy.spec.period == pytest.approx(0.02)
+    most = policy.spec.ranges and [high for _, high in policy.spec.ranges]
+    assert most == GYM_STEPS[kind].get('max_cmd')
+    compare(policy, moments(rng, G1_ORDER), reference)
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'policy_path': 'pre_train/h1_2/motion.pt'}, 'policy_path.* in doubt'),
+        ({'num_actions': 10}, 'num_actions: got 10'),
+        ({'num_obs': 48}, 'num_obs: got 48'),
+        ({'kps': [1.0] * 11}, 'kps: got 11 numbers, wanted 12'),
+        ({'control_decimation': None}, 'control_decimation: it is missing'),
+    ],
+)
+def test_a_file_of_unitree_rl_gym_in_doubt_is_refused_by_the_name(change, words):
+    said = {**GYM, **GYM_STEPS['deploy_mujoco'], 'num_obs': 47, **change}
+    with pytest.raises(PolicyError, match=words):
+        from_rl_gym(said)
 
 
 @pytest.mark.slow
