@@ -206,6 +206,7 @@ class Actuation:
         put_at_start(self._model, self._data, self._parts, self._setup)
         self._pushes: list[tuple[int, Push]] = []  # each with the tick of its end
         self._kept_push = np.zeros(3)  # the force without an end
+        self._hung, self._wrench = self._parts.root, np.zeros(6)
         self._pending: deque[tuple[int, np.ndarray]] = deque()
         self._put_in_force(np.zeros((5, len(self._parts.motor_names))))
 
@@ -281,6 +282,12 @@ class Actuation:
             self._kept_push = force
             self._sum_pushes()
 
+    def hang(self, body: int, wrench: np.ndarray) -> None:
+        """Replace the wrench that a hoist applies to a body; see `World.hang`."""
+        self._data.xfrc_applied[self._hung] = 0.0
+        self._hung, self._wrench = body, wrench
+        self._sum_pushes()
+
     def _sum_pushes(self) -> None:
         data, root = self._data, self._parts.root
         total = np.zeros(6)
@@ -290,7 +297,10 @@ class Actuation:
             if push.point is not None:
                 place = data.xpos[root] + data.xmat[root].reshape(3, 3) @ push.point
                 total[3:] += np.cross(place - data.xipos[root], push.force)
-        data.xfrc_applied[root] = total
+        if self._hung != root:
+            data.xfrc_applied[root] = total
+            total = np.zeros(6)
+        data.xfrc_applied[self._hung] = total + self._wrench
 
     def _put_in_force(self, command: np.ndarray) -> None:
         if self._curve is not None:

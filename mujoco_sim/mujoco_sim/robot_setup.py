@@ -119,6 +119,26 @@ def usual_setup(
     )
 
 
+def upright_setup(
+    description: Description, positions: Mapping[str, float], untold: Untold = NOTHING
+) -> RobotSetup:
+    """
+    Return a robot on its feet with joints at positions [rad], with real motors and sensors.
+
+    `positions` are of joints that it has. It stands by nothing: something has to hold it.
+    """
+    joints = description.robot.movable_joints
+    return RobotSetup(
+        joint_positions=positions,
+        sink=0.0,
+        speed_limits={joint.name: joint.velocity for joint in joints},
+        command_delay=COMMAND_DELAY,
+        noise=SensorNoise().drifting(untold.imu_drift),
+        imu=True,
+        untold=untold,
+    )
+
+
 def lying_positions(quadruped: Quadruped) -> dict[str, float]:
     """Return the joint positions [rad] of a quadruped that lies with its legs folded."""
     angles = similar_pose(quadruped, *FOLDED)

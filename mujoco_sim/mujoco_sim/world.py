@@ -211,6 +211,15 @@ class World:
         self._actuation.keep_pushing(vector)
         return True
 
+    def hang(self, body: int, wrench: np.ndarray) -> None:
+        """
+        Apply a world-frame force [N] and torque [N m], shape (6,), at a body's centre of mass.
+
+        From now on, in place of the last wrench given here, and in addition to all pushes; a
+        reset ends it. It has to be finite.
+        """
+        self._actuation.hang(body, wrench)
+
     def contact_forces(self, links: Sequence[str]) -> np.ndarray:
         """
         Return the sum of the normal forces on each link [N], shape (len(links),).
