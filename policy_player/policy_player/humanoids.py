@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a Unitree G1 of 29 joints stands by itself: its pose, and gains that hold it."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from wasd_core.robot_io import JointTargets
+
+from policy_player.spec import MOTOR_ORDER
+
+G1_JOINTS = MOTOR_ORDER[29]
+# The pose in which unitree_rl_lab's policies begin [rad]; all other joints are at zero.
+_POSE = {
+    'hip_pitch': -0.1,
+    'knee': 0.3,
+    'ankle_pitch': -0.2,
+    'shoulder_pitch': 0.3,
+    'left_shoulder_roll': 0.25,
+    'right_shoulder_roll': -0.25,
+    'elbow': 0.97,
+    'left_wrist_roll': 0.15,
+    'right_wrist_roll': -0.15,
+}
+# [N m/rad], [N m s/rad]. A policy's own are softer: 33 kg with the centre 0.7 m up tip over where
+# both ankles together have less than 230 N m/rad.
+_GAINS = {
+    'hip': (150.0, 4.0),
+    'knee': (200.0, 5.0),
+    'ankle': (300.0, 3.0),
+    'waist': (200.0, 5.0),
+    'shoulder': (60.0, 3.0),
+    'elbow': (60.0, 3.0),
+    'wrist': (20.0, 1.0),
+}
+
+
+def is_g1(joints: Iterable[str]) -> bool:
+    """Whether joints are those of a G1, and no others."""
+    return set(joints) == set(G1_JOINTS)
+
+
+def g1_stand(joints: Sequence[str]) -> JointTargets:
+    """Return the stand of a G1, in the order of its joints."""
+    pose = [next((a for part, a in _POSE.items() if part in name), 0.0) for name in joints]
+    gains = [next(pair for part, pair in _GAINS.items() if part in name) for name in joints]
+    return JointTargets(np.array(pose), *np.array(gains).T)
