@@ -31,6 +31,8 @@ DESCRIPTIONS = {
     'mbot_bare': 'urdf/mbot/mbot_bare.urdf.xacro',
     'mbot_kinect': 'urdf/mbot/mbot_kinect.urdf.xacro',
 }
+# Those of others, by their package.
+OTHERS = {'g1': ('g1_description', 'urdf/g1_29dof_rev_1_0.urdf')}
 
 
 def manifest_name(folder: Path) -> str | None:
@@ -285,6 +287,9 @@ def description_path(name_or_path: str) -> Path:
     """
     if name_or_path in DESCRIPTIONS:
         return share_directory('robot_description') / DESCRIPTIONS[name_or_path]
+    if name_or_path in OTHERS:
+        package, file = OTHERS[name_or_path]
+        return share_directory(package) / file
     path = Path(name_or_path)
     try:
         os.lstat(path)
@@ -296,7 +301,7 @@ def description_path(name_or_path: str) -> Path:
         return path
     raise DescriptionError(
         f'{name_or_path}: no such file, and no robot of that name; '
-        f'robots: {", ".join(sorted(DESCRIPTIONS))}'
+        f'robots: {", ".join(sorted((*DESCRIPTIONS, *OTHERS)))}'
     )
 
 

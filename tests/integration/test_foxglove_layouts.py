@@ -7,7 +7,7 @@ import re
 import sys
 
 import pytest
-from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import HUMANOID, ROBOTS
 from wasd_bringup.ros.foxglove import load_sdk
 from wasd_core.errors import UserError
 
@@ -34,7 +34,8 @@ def strings(value):
 def test_every_topic_of_a_layout_is_there(robot):
     layout = json.loads((LAYOUTS / f'{robot}.json').read_text())
     named = {text[1:].partition('.')[0] for text in strings(layout) if text.startswith('/')}
-    assert {'cmd_vel', 'odom', 'robot_description'} <= named
+    odometry = 'ground_truth/odom' if ROBOTS[robot].kind is HUMANOID else 'odom'
+    assert {'cmd_vel', odometry, 'robot_description'} <= named
     assert named <= TOPICS
 
 

@@ -285,7 +285,7 @@ def test_a_robot_is_found_by_path(write):
 
 
 def test_an_unknown_robot_lists_the_known_ones():
-    with pytest.raises(DescriptionError, match=r'^dog: no such file, .*; robots: go2, mbot'):
+    with pytest.raises(DescriptionError, match=r'^dog: no such file, .*; robots: g1, go2, mbot'):
         description_path('dog')
 
 

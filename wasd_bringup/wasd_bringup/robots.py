@@ -31,7 +31,7 @@ UNITREE_FIRST_KEYS = (
 MODES = ('sim', *DRIVE_MODES)
 
 # What kinds of robots call the options of their own; of one robot alone.
-LEGS, LEGS_ALONE, WHEELS = 'legs', 'legs alone', 'wheels'
+LEGS, LEGS_ALONE, POLICY, WHEELS = 'legs', 'legs alone', 'policy', 'wheels'
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,12 @@ class Kind:
     view: str = 'wasd_bringup.page.robot_view:RobotView'
     controller: str = 'controller'
     pad_preset: str = 'mbot'  # what a gamepad means to it
+    state_help: tuple[str, ...] = ()  # keys beside those of its preset, in words
 
 
 LEGGED = Kind(
     robot='wasd_bringup.run.go2:Go2',
-    options=(LEGS, LEGS_ALONE),
+    options=(LEGS, LEGS_ALONE, POLICY),
     face='wasd_bringup.ros.controllers:LegsFace',
     view='wasd_bringup.page.legs:LegsView',
     controller='leg_controller',
@@ -65,6 +66,17 @@ WHEELED = Kind(
     face='wasd_bringup.ros.controllers:WheelsFace',
     view='wasd_bringup.page.wheels:WheelsView',
     controller='diff_drive_controller',
+)
+HUMANOID = Kind(
+    robot='wasd_bringup.run.legged:Legged',
+    options=(POLICY,),
+    face='wasd_bringup.ros.controllers:JointsFace',
+    view='wasd_bringup.page.legged:LeggedView',
+    controller='joint_controller',
+    state_help=(
+        '2 stand   p policy (--policy FILE)   1 passive   h hoist on, off',
+        'The hoist bears it at first. First 2, then p, then h, then drive.',
+    ),
 )
 
 
@@ -119,7 +131,18 @@ MBOT = RobotRow(
     ),
     place=(0.0, -0.6),
 )
-ROBOTS: dict[str, RobotRow] = {row.name: row for row in (GO2, MBOT)}
+G1 = RobotRow(
+    name='g1',
+    kind=HUMANOID,
+    summary='have a humanoid stand, and walk by a network of yours',
+    description='g1',
+    preset='wasd',
+    examples=(
+        ('g1', '2 stand, h lets go of the hoist'),
+        ('g1 --policy policy.onnx', '2 stand, p walk, h lets go, w a s d drive'),
+    ),
+)
+ROBOTS: dict[str, RobotRow] = {row.name: row for row in (GO2, MBOT, G1)}
 # The command that runs all robots with a place, and what reports and recordings call these.
 BOTH = 'both'
 

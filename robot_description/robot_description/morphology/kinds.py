@@ -22,6 +22,7 @@ ONE_PAIR = (
     'left_wheel_names, right_wheel_names in a --controller file of wasd mbot name one pair that '
     'drives it, the others slide'
 )
+HUMANOID = 'wasd g1 --description FILE --policy FILE has a network of yours do it, or ' + SIMULATE
 # A chain of so many joints is an arm, or a leg.
 ARM_JOINTS, LEG_JOINTS = 3, 2
 FEWEST_PROPELLERS = 3
@@ -96,7 +97,8 @@ def _standing(robot: Robot, rollers: list[Roller]) -> Kind:
     if len(legs) == 2:
         what = 'a humanoid' if len(arms) > 1 else 'a biped'
         return Kind(
-            f'{what} (legs {legs[0]}, {legs[1]})', f'nothing here walks on two: {SIMULATE}'
+            f'{what} (legs {legs[0]}, {legs[1]})',
+            f'nothing here walks on two by itself: {HUMANOID}',
         )
     if len(legs) > 2:
         return Kind(f'a robot on {len(legs)} legs ({", ".join(legs)})', SIMULATE)

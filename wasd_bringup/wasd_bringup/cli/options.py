@@ -26,7 +26,7 @@ from wasd_core.network import LAST_DOMAIN
 from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.safe_files import read_file
 
-from wasd_bringup.robots import BOTH, LEGS, LEGS_ALONE, MODES, RobotRow, ROBOTS, WHEELS
+from wasd_bringup.robots import BOTH, LEGS, LEGS_ALONE, MODES, POLICY, RobotRow, ROBOTS, WHEELS
 from wasd_bringup.run.inputs import parse_box, parse_goal, parse_push, parse_twist_script
 from wasd_bringup.run.options import AFTERGLOW, RANGES, RunOptions
 
@@ -487,15 +487,15 @@ OPTIONS = (
     ),
     Option(
         word='--policy',
-        help='a network that walks (2, then p): an ONNX or TorchScript file, or ours',
-        of=LEGS_ALONE,
+        help='a network that walks (2, then p): an ONNX or TorchScript file; of a Go2: or ours',
+        of=POLICY,
         how={'metavar': 'FILE'},
     ),
     Option(
         word='--policy-config',
         help='how it was trained: deploy.yaml of Isaac Lab, config.yaml of rl_sar, legged_gym or '
         'playground; else its metadata, or such a file beside it',
-        of=LEGS_ALONE,
+        of=POLICY,
         how={'metavar': 'FILE'},
     ),
     Option(

@@ -51,7 +51,8 @@ def run_epilog(command: str) -> str:
     lines = describe_examples(command)
     for row in robots_of(command):
         lines += ['', f'keys of {row.name}, --preset {row.preset} (others: {called()} keys):']
-        lines += [f'  {line}' for line in preset_help(row.preset) if line]
+        keys = (*row.kind.state_help, *preset_help(row.preset))
+        lines += [f'  {line}' for line in keys if line]
     switch = [SWITCH_LINE] if command == BOTH else []
     lines += [f'  {line}' for line in (*switch, KEY_LINE)]
     return '\n'.join(lines if command == BOTH else [*lines, '', ROS])

@@ -6,11 +6,10 @@ from quadruped_sim.keys import GAIT_KEYS, StateName, STEP, STICK_KEYS, StickValu
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
-from teleop_keyboard.keymap import on_layout
-from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, StickUse
+from wasd_cockpit.link import KeyCap, Marks, Setting, Stick, StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
-from wasd_bringup.page.robot_view import keymap_caps, Motion, Numbers, RobotView
+from wasd_bringup.page.robot_view import Motion, Numbers, RobotView
 from wasd_bringup.run.go2 import Go2
 
 
@@ -20,20 +19,7 @@ class LegsView(RobotView):
     def __init__(self, robot: Go2) -> None:
         self._robot = robot
         self._controller = robot.legs.controller
-        self._layout = robot.layout
         self.feet = LEGS
-
-    def choices(self) -> tuple[Choice, ...]:
-        """Return the states as buttons."""
-        return tuple(
-            Choice(
-                choice.state,
-                Order('key', self._named(choice.key)),
-                is_on=choice.is_on,
-                refusal=choice.refusal,
-            )
-            for choice in self._robot.choices()
-        )
 
     def settings(self) -> tuple[Setting, ...]:
         """Return what is chosen."""
@@ -57,13 +43,9 @@ class LegsView(RobotView):
 
     def keys(self) -> tuple[KeyCap, ...]:
         """Return the keymap."""
-        states = tuple(
-            KeyCap(self._named(choice.key), choice.state) for choice in self._robot.choices()
-        )
+        states = super().keys()
         if self._robot.logic is not None:
-            caps = keymap_caps(self._robot.logic.keymap)
-            taken = {cap.key for cap in caps}
-            return (*(cap for cap in states if cap.key not in taken), *caps)
+            return states
         sticks = tuple(
             KeyCap(self._named(key), f'stick {axis} {direction:+d}', is_direction=True)
             for key, (axis, direction) in STICK_KEYS.items()
@@ -155,10 +137,6 @@ class LegsView(RobotView):
     @property
     def _drives_by_velocity(self) -> bool:
         return self._controller.state == StateName.MOVE_BASE
-
-    def _named(self, key: str) -> str:
-        """Return what the driver's keyboard calls a key."""
-        return on_layout(key, self._layout)
 
 
 def _three(values: Numbers) -> tuple[float, float, float]:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from teleop_keyboard.keymap import direction_words, factor_words, Keymap
-from wasd_cockpit.link import Choice, KeyCap, Marks, Setting, Stick, StickUse
+from teleop_keyboard.keymap import direction_words, factor_words, Keymap, on_layout
+from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, StickUse
 
 from wasd_bringup.run.robot import Robot
 
@@ -32,7 +32,15 @@ class RobotView:
 
     def choices(self) -> tuple[Choice, ...]:
         """Return the states as buttons."""
-        return ()
+        return tuple(
+            Choice(
+                choice.state,
+                Order('key', self._named(choice.key)),
+                is_on=choice.is_on,
+                refusal=choice.refusal,
+            )
+            for choice in self._robot.choices()
+        )
 
     def settings(self) -> tuple[Setting, ...]:
         """Return what is chosen."""
@@ -43,9 +51,13 @@ class RobotView:
         return ()
 
     def keys(self) -> tuple[KeyCap, ...]:
-        """Return the keymap."""
+        """Return the keymap, after the keys of states that it leaves free."""
         logic = self._robot.logic
-        return () if logic is None else keymap_caps(logic.keymap)
+        caps = () if logic is None else keymap_caps(logic.keymap)
+        taken = {cap.key for cap in caps}
+        choices = self._robot.choices()
+        states = [KeyCap(self._named(choice.key), choice.state) for choice in choices]
+        return (*(cap for cap in states if cap.key not in taken), *caps)
 
     def stick_use(self) -> StickUse:
         """Return what the stick does now."""
@@ -68,6 +80,10 @@ class RobotView:
     def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
         """Return what is drawn beside a robot that is there [m], in the world's axes."""
         return Marks(place=place, rotation=rotation)
+
+    def _named(self, key: str) -> str:
+        """Return what the driver's keyboard calls a key."""
+        return on_layout(key, self._robot.options.layout)
 
 
 def keymap_caps(keymap: Keymap) -> tuple[KeyCap, ...]:

@@ -14,13 +14,15 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.messages import to_stamp
-from wasd_core.topics import LoopbackSubscription, RELIABLE
+from wasd_core.topics import EVENTS, LATCHED, LoopbackSubscription, RELIABLE
 
 from wasd_bringup.run.mbot import Mbot
 from wasd_bringup.run.robot import FullVelocity, Robot
 
 # The last zeros may take so long to leave the process [s].
 LAST_WORDS_TIMEOUT = 0.25
+# So often a state is looked at [s].
+STATE_PERIOD = 0.02
 
 
 class ControllerFace:
@@ -188,3 +190,25 @@ class WheelsFace(ControllerFace):
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.header.frame_id = self.node.settings.base_frame_id
         return message
+
+
+class JointsFace(ControllerFace):
+    """A controller of joints on ROS: keys for its states, too, and its state."""
+
+    def __init__(self, robot: Any) -> None:
+        super().__init__(robot)
+        keys = LoopbackSubscription(
+            self.node, String, 'keys', lambda key: robot.press_state(key.data), EVENTS
+        )
+        self.key_inputs.insert(0, keys)
+        self._state = self.node.create_publisher(String, 'state', LATCHED)
+        self._told = ''
+
+    def schedule(self, schedule: Any) -> None:
+        """Publish the state when it has changed."""
+        schedule.every(STATE_PERIOD, self._publish)
+
+    def _publish(self) -> None:
+        if self.robot.state != self._told:
+            self._told = self.robot.state
+            self._state.publish(String(data=self._told))

@@ -14,11 +14,9 @@ from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.presets import LIMITS
-from quadruped_sim.states.policy import Walker
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keymap import on_layout, on_qwerty
-from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 from wasd_core.timing import is_press, STOP_KEY
@@ -28,6 +26,7 @@ from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample, TrunkWatch
 from wasd_bringup.run.robot import Robot, StateChoice, Velocity
+from wasd_bringup.run.walkers import load_walker
 
 
 class Outside(Protocol):
@@ -315,27 +314,6 @@ def leg_settings(given: dict[str, Any]) -> LegNodeParameters:
         InvalidParameter: what is wrong with one, with its line where a file has it.
     """
     return read_leg_file(given.get('controller', '')).changed(given)
-
-
-def load_walker(options: RunOptions) -> Walker | None:
-    """
-    Return the network that walks in the state policy, if one is asked for.
-
-    Raises:
-        UserError: why it cannot be played, in one line.
-    """
-    if options.policy is None:
-        if options.policy_config is not None:
-            raise UserError('--policy-config: it tells of a network, give it by --policy FILE')
-        return None
-    if not isinstance(options.policy, str):
-        walker: Walker = options.policy
-        return walker
-    # Here, because few runs play one.
-    from policy_player.player import Player
-    from policy_player.policy_file import read_policy
-
-    return Player(read_policy(options.policy, options.policy_config))
 
 
 def _feet(legs: LegGeometry) -> np.ndarray:

@@ -3,14 +3,14 @@
 
 import dataclasses
 
-from mujoco_sim.robot_setup import randomise, RobotSetup, usual_setup
+from mujoco_sim.robot_setup import randomise, RobotSetup, upright_setup, usual_setup
 from mujoco_sim.sensors.table import has_camera
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.world import build_shared_world, build_world, World
 from robot_description.description import Description, load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 
-from wasd_bringup.robots import LEGGED, load_class, ROBOTS
+from wasd_bringup.robots import HUMANOID, LEGGED, load_class, ROBOTS
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import Robot
 
@@ -68,6 +68,11 @@ def _load(options: RunOptions) -> Description:
 
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
+    if ROBOTS[options.robot].kind is HUMANOID:
+        # Here, because few runs have a robot that stands by joints alone.
+        from wasd_bringup.run.legged import standing_pose
+
+        return upright_setup(loaded, standing_pose(loaded.robot), options.untold)
     setup = usual_setup(loaded, options.estimator == 'kalman', options.untold)
     if ROBOTS[options.robot].kind is LEGGED:
         setup = randomise(setup, options.seed, loaded)

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot whose joints a policy moves in the cockpit: states and hoist as buttons."""
+
+from policy_player.joint_controller import State
+from wasd_cockpit.link import StickUse
+
+from wasd_bringup.page.robot_view import RobotView
+from wasd_bringup.run.legged import Legged
+
+
+class LeggedView(RobotView):
+    """A controller of joints."""
+
+    def __init__(self, robot: Legged) -> None:
+        self._robot = robot
+
+    def stick_use(self) -> StickUse:
+        """Return what the stick does now."""
+        controller = self._robot.controller
+        if controller.state is not State.POLICY:
+            return StickUse((0.0, 0.0, 0.0), f'drives in {State.POLICY.value}')
+        return StickUse(controller.full, 'drives the policy')

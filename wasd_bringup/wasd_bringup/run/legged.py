@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot of a run that walks as a policy says: held by a hoist, it stands, walks, falls."""
+
+from mujoco_sim.hoist import Hoist
+from mujoco_sim.simulation import Simulation
+from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.world import World
+import numpy as np
+from policy_player.humanoids import g1_stand, is_g1
+from policy_player.joint_controller import JointController, State, STATE_KEYS
+from policy_player.player import Player
+from robot_description.description import Description, OTHER
+from robot_description.robot import Robot as RobotTree
+from teleop_keyboard.dashboard import Axis, driving_keys, Status
+from teleop_keyboard.keymap import on_layout, on_qwerty
+from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.errors import UserError
+from wasd_core.robot_io import JointStates, JointTargets, LEG_RATE, Reading
+from wasd_core.timing import is_press, Notice, STOP_KEY
+
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.report import Sample
+from wasd_bringup.run.robot import Robot, StateChoice, Velocity
+from wasd_bringup.run.walkers import load_walker
+
+HOIST_KEY, HOIST = 'h', 'hoist'
+PASSIVE = next(key for key, state in STATE_KEYS.items() if state is State.PASSIVE)
+
+
+class Legged(Robot):
+    """
+    Legs, and arms, whose joints are driven by PD: in a pose, or as a network says.
+
+    A hoist bears it from the start on.
+
+    Raises:
+        UserError: no network walks it and its stand is not known, or the network is another
+            robot's.
+    """
+
+    has_states = True
+    camera = CameraView(distance=2.8, azimuth=130.0, elevation=-12.0)
+    logic: KeysToTwist  # whatever the preset
+
+    def __init__(
+        self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
+    ) -> None:
+        super().__init__(options, loaded, world, simulation)
+        player = load_walker(options)
+        joints = world.motor_names
+        self.controller = JointController(joints, stand_of(loaded, joints, player), player)
+        self.hoist = Hoist(world)
+        self.notice = Notice()
+        self._refused = ''
+
+    @property
+    def state(self) -> str:
+        """The controller's state."""
+        return self.controller.state.value
+
+    @property
+    def period(self) -> float:
+        """The controller's period [s]."""
+        return 1.0 / LEG_RATE
+
+    @property
+    def estimator(self) -> str:
+        """What its odometry comes from: it has none, only an IMU."""
+        return 'imu'
+
+    @property
+    def help_lines(self) -> tuple[str, ...]:
+        """The keys, for the terminal and the page."""
+        return (*self.kind.state_help, *self.logic.keymap.help_lines)
+
+    @property
+    def first_keys(self) -> str:
+        """The keys to press first."""
+        walk = f', {self._named("p")} to walk' if self.controller.has_policy else ''
+        return (
+            f'press 2 to stand{walk}, {self._named(HOIST_KEY)} to let go of the hoist; then '
+            f'{driving_keys(self.logic.keymap)} (forward, back, left, right)'
+        )
+
+    @property
+    def stop_keys(self) -> tuple[str, ...]:
+        """The keys that stop it for good, and end every motion."""
+        return (self._named(PASSIVE), STOP_KEY)
+
+    @property
+    def _refusal(self) -> str:
+        if self.controller.state is State.POLICY:
+            return ''
+        return self.controller.refusal('p') or f'press p to walk: it is {self.state}'
+
+    def choices(self) -> tuple[StateChoice, ...]:
+        """Return the states that keys ask for, and the hoist."""
+        controller = self.controller
+        states = [
+            StateChoice(key, state.value, state is controller.state, controller.refusal(key))
+            for key, state in STATE_KEYS.items()
+        ]
+        return (*states, StateChoice(HOIST_KEY, HOIST, self.hoist.is_on, ''))
+
+    def command(self, velocity: Velocity) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
+        refused = self.controller.command(velocity)
+        # Once: velocities come twenty times a second, and keys are to have their say, too.
+        if refused and refused != self._refused:
+            self.say(refused)
+        self._refused = refused
+
+    def control(self) -> None:
+        """Step the controller on the state of now, and hand its command to the world."""
+        world, motors = self.world, self.world.parts.motor_joint
+        joints, imu = world.read()
+        reading = Reading(JointStates(*(part[motors] for part in joints)), imu)
+        world.apply(self.controller.step(reading, self.period))
+        if remark := self.controller.take_remark():
+            self.say(remark)
+            self.log.warning('%s: %s', self.name, remark)
+        self.hoist.step(self.period)
+
+    def press_state(self, key: str) -> None:
+        """Take a key that may mean a state, or the hoist."""
+        name = on_qwerty(key, self.options.layout)
+        if not is_press(key) or key in self.own_keys:
+            return
+        if name in STATE_KEYS:
+            self.notice.say(self.controller.press(name))
+        elif name == HOIST_KEY and self.hoist.is_on:
+            self.hoist.let_go()
+            self.say('the hoist has let go')
+        elif name == HOIST_KEY:
+            self.hoist.take()
+            self.say('the hoist holds it')
+
+    def let_go(self) -> None:
+        """Be limp at once."""
+        self.controller.let_go('emergency stop: motors damp')
+
+    def reset(self) -> None:
+        """Forget the past: passive, on the hoist, at the start."""
+        super().reset()
+        self.controller.reset()
+        self.hoist.reset()
+        self.notice.say(None)
+
+    def close(self) -> None:
+        """Leave the joints limp."""
+        self.controller.let_go()
+        super().close()
+
+    def sample(self) -> Sample:
+        """Return this instant for the report."""
+        vx, vy, wz = self.controller.velocity.tolist()
+        return Sample(self.state, (vx, vy, wz), (0.0, 0.0, 0.0), [], self.controller.is_fallen)
+
+    def _status(self) -> Status:
+        controller = self.controller
+        vx, vy, wz = controller.velocity.tolist()
+        facts = ('on the hoist',) * self.hoist.is_on
+        if controller.state is State.POLICY:
+            facts = (*facts, f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s')
+        measured = self.world.base().planar_velocity.tolist()
+        names = (('forward', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
+        rows = zip(names, (vx, vy, wz), measured, controller.full, strict=True)
+        axes = tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
+        state = 'fallen' if controller.is_fallen else self.state
+        return Status(state, facts, self.notice.text, axes)
+
+    def _press(self, key: str, is_pressed: bool) -> None:
+        if is_pressed or key == self._named(PASSIVE):
+            self.press_state(key)
+        super()._press(key, is_pressed)
+
+    def _named(self, key: str) -> str:
+        return on_layout(key, self.options.layout)
+
+
+def standing_pose(robot: RobotTree) -> dict[str, float]:
+    """Return where joints are at the start [rad]: a G1 stands, another is as near to zero."""
+    joints = [joint for joint in robot.movable_joints if not joint.mimics]
+    names = [joint.name for joint in joints]
+    if is_g1(names):
+        return dict(zip(names, g1_stand(names).position.tolist(), strict=True))
+    return {joint.name: joint.rest for joint in joints}
+
+
+def stand_of(loaded: Description, joints: tuple[str, ...], player: Player | None) -> JointTargets:
+    """
+    Return how a robot stands, in the order of its joints: a G1, or as its policy begins.
+
+    Raises:
+        UserError: neither is so; says what the robot is, and what to do with it.
+    """
+    if is_g1(joints):
+        return g1_stand(joints)
+    what, cure = loaded.nature
+    if player is None or loaded.kind != OTHER:
+        raise UserError(
+            f'{loaded.path}: how {loaded.robot.name!r} stands is not known'
+            f'{f": it is {what}: {cure}" if what else "; give --policy FILE"}'
+        )
+    missing = [name for name in joints if name not in player.joints]
+    if missing:
+        raise UserError(
+            f'policy: {len(missing)} joints of {loaded.robot.name!r} are none of it, '
+            f'{missing[0]} among them'
+        )
+    order = [player.joints.index(name) for name in joints]
+    spec = player.spec
+    parts = (spec.default_position, spec.stiffness, spec.damping)
+    return JointTargets(*(np.array(part)[order] for part in parts))

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The network that walks, of a run's options."""
+
+from typing import Any
+
+from wasd_core.errors import UserError
+
+from wasd_bringup.run.options import RunOptions
+
+
+def load_walker(options: RunOptions) -> Any:
+    """
+    Return the network, a `Walker`, that walks in the state policy; None where none is asked for.
+
+    Raises:
+        UserError: why it cannot be played, in one line.
+    """
+    if options.policy is None:
+        if options.policy_config is not None:
+            raise UserError('--policy-config: it tells of a network, give it by --policy FILE')
+        return None
+    if not isinstance(options.policy, str):
+        return options.policy
+    # Here, because few runs play one.
+    from policy_player.player import Player
+    from policy_player.policy_file import read_policy
+
+    return Player(read_policy(options.policy, options.policy_config))
