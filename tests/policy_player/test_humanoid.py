@@ -209,3 +209,52 @@ def test_another_biped_is_held_and_moved_by_a_network_of_its_joints(run_of, tmp_
         pass_time(run, seconds)
     with pytest.raises(UserError, match='29 joints of .* are none of it|is none of this robot'):
         run_of(policy=network(tmp_path, joints))
+
+
+def test_other_processes_press_its_keys_drive_it_and_hear_its_state(ros, tmp_path):
+    from geometry_msgs.msg import Twist
+    import rclpy
+    from sensor_msgs.msg import Imu, JointState
+    from std_msgs.msg import String
+    from wasd_bringup.ros.face import make_ros_run
+    from wasd_core.topics import LATCHED
+
+    run = make_ros_run(
+        RunOptions(
+            robot='g1', description='g1', preset='wasd', speed=0.0, policy=network(tmp_path)
+        )
+    )
+    peer = rclpy.create_node('peer')
+    keys = peer.create_publisher(String, 'keys', 10)
+    twists = peer.create_publisher(Twist, 'cmd_vel', 10)
+    heard = {'state': [], 'joint_states': [], 'imu/data': []}
+    for topic, kind in (('state', String), ('joint_states', JointState), ('imu/data', Imu)):
+        quality = LATCHED if topic == 'state' else 10
+        peer.create_subscription(kind, topic, heard[topic].append, quality)
+
+    def until(is_so, act=lambda: None):
+        for _ in range(600):
+            act()
+            run.simulation.advance(20)
+            run.face.handle(0.02)
+            rclpy.spin_once(peer, timeout_sec=0.0)
+            if is_so():
+                return
+        raise AssertionError(f'not within 600 looks: {run.robot.state}')
+
+    def state():
+        return heard['state'][-1].data if heard['state'] else ''
+
+    try:
+        until(lambda: state() == 'passive')
+        until(lambda: state() == 'stand', lambda: keys.publish(String(data='2')))
+        until(lambda: state() == 'policy', lambda: keys.publish(String(data='p')))
+        ahead = Twist()
+        ahead.linear.x = 0.3
+        until(lambda: run.robot.sample().command[0] > 0.2, lambda: twists.publish(ahead))
+        until(lambda: len(heard['joint_states']) > 3 and heard['imu/data'])
+        assert set(heard['joint_states'][-1].name) == set(G1_JOINTS)
+        until(lambda: state() == 'passive', lambda: keys.publish(String(data='1')))
+    finally:
+        peer.destroy_node()
+        run.close()
