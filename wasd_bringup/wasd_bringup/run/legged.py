@@ -39,7 +39,7 @@ class Legged(Robot):
     """
 
     has_states = True
-    camera = CameraView(distance=2.8, azimuth=130.0, elevation=-12.0)
+    camera = CameraView(distance=3.8, azimuth=130.0, elevation=-12.0)
     logic: KeysToTwist  # whatever the preset
 
     def __init__(
