@@ -134,6 +134,7 @@ class TorqueSpeedCurve:
         self._curve = np.stack((torque, at_rest, at_rest / speed))
         count = len(torque)  # what compiles is loaded before the first step
         self.limits(np.zeros(count))
+        self.note(np.zeros(count), np.zeros(count))
         self.command(np.zeros((5, count)), torque, np.zeros((count, 3))[:, 1:], np.zeros(count))
 
     def limits(self, velocity: np.ndarray) -> np.ndarray:
@@ -145,6 +146,10 @@ class TorqueSpeedCurve:
     def write_limits(self, velocity: np.ndarray, motors: np.ndarray, limits: np.ndarray) -> None:
         """Write `limits` (n, 2) of those that turn at `velocity[motors]`."""
         _write_limits(self._curve, velocity, motors, limits)
+
+    def note(self, effort: np.ndarray, peak: np.ndarray) -> None:
+        """Raise `peak` (n,) to the size of `effort` (n,)."""
+        _note(effort, peak)
 
     def command(
         self, parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray
@@ -166,6 +171,12 @@ def _command(
         pulls = parts[2, i] + kp * parts[0, i] + kd * parts[1, i]
         gains[i, 0], gains[i, 1] = -kp * strength[i], -kd * strength[i]
         controls[i] = pulls * strength[i]
+
+
+@jit
+def _note(effort: np.ndarray, peak: np.ndarray) -> None:
+    for i in range(len(peak)):
+        peak[i] = max(peak[i], abs(effort[i]))
 
 
 @jit

@@ -195,7 +195,6 @@ class Actuation:
         self._gains = model.actuator_biasprm[self._motors, 1:3]  # -kp, -kd
         self._force_range = model.actuator_forcerange[self._motors]
         self._effort = data.actuator_force[self._motors]
-        self._magnitude = np.empty(len(parts.motor_names))
         self._peak_effort = np.zeros(len(parts.motor_names))
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
         stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
@@ -238,8 +237,10 @@ class Actuation:
 
     def note_efforts(self) -> None:
         """Note the largest efforts."""
-        np.abs(self._effort, out=self._magnitude)
-        np.maximum(self._peak_effort, self._magnitude, out=self._peak_effort)
+        if self._curve is not None:
+            self._curve.note(self._effort, self._peak_effort)
+        else:
+            np.maximum(self._peak_effort, np.abs(self._effort), out=self._peak_effort)
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
