@@ -13,6 +13,7 @@ from wasd_core.errors import Stopped
 from wasd_core.jit import before_each_compilation
 from wasd_core.robot_io import GRAVITY, ImuReading, JointStates, Reading
 
+from quadruped_sim.elevation import Elevation
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import all_leg_angles, foot_positions
 from quadruped_sim.locomotion.swing import foot_velocities
@@ -116,3 +117,4 @@ def warm_up(model: RobotModel) -> None:
     assert controller.robot is not None
     foot_velocities(controller.robot)
     all_leg_angles(model.geometry, foot_positions(model.geometry, model.walking_pose))
+    Elevation().add(np.zeros((1, 3)), 1.0)

@@ -187,13 +187,15 @@ for key, seconds in (
     if key == '5':
         dog.drive(0.3, 0.1, 0.2)
     dog.run(seconds)
+from quadruped_sim.elevation import Elevation  # as when somebody begins to listen
+Elevation().add([(0.1, 0.2, 0.3), (0.1, 0.2, 0.4)], 1e-4)
 print(*states)
 print(*signatures() - before)
 """
 
 
 @pytest.mark.slow
-def test_what_any_key_calls_is_compiled_before_the_first_tick():
+def test_what_any_key_and_a_map_of_heights_call_is_compiled_before_the_first_tick():
     """In a program of its own: what other tests have used is compiled in this one."""
     ended = subprocess.run(
         [sys.executable, '-c', PRESS], capture_output=True, text=True, check=True, timeout=300
