@@ -8,7 +8,7 @@ import numpy as np
 from seen_stairs import BESIDE, look_at_stairs, Seen, WALK
 from table import format_count, Row
 
-FIRST_SEED = 5000
+FIRST_SEED = 5100
 # Rises [m], and where the base is in the end [m]: before stairs, and on them where it climbs.
 CASES = ((0.10, 0.35), (0.13, 0.35), (0.16, 0.35), (0.10, 1.4))
 MOST_OFF, MOST_RMSE = 0.04, 0.015  # of an edge, and of heights [m]

@@ -16,6 +16,8 @@ MOST_VOTES = 10.0
 LEAST_VARIANCE = 1e-6
 # By how much odometry's height drifts in a second, as a variance [m^2/s]: 1.7 cm in 14 s.
 DRIFT = 2e-5
+# So many points, no farther above or below what is known, tell how odometry's height drifts [m].
+FEWEST, FARTHEST_OFF = 100, 0.04
 
 # What a cell knows, one layer each; votes are numbers of points, 0 for no height.
 _HEIGHT, _VARIANCE, _VOTES, _RIVAL, _RIVAL_VOTES = range(5)
@@ -73,6 +75,16 @@ class Elevation:
         fine = np.isfinite(points).all(axis=1) & np.isfinite(variances) & (variances > 0.0)
         column, row = self._first.tolist()
         _fuse(points[fine], variances[fine], self._layers, self.resolution, column, row)
+
+    def offset_of(self, points: np.ndarray) -> float:
+        """Return by how much points (n, 3) are above what is known, the median [m]; 0 for few."""
+        off = points[:, 2] - self.at(points[:, 0], points[:, 1])
+        off = off[np.abs(off) < FARTHEST_OFF]  # not of NaN
+        return float(np.median(off)) if len(off) >= FEWEST else 0.0
+
+    def lift(self, height: float) -> None:
+        """Move all that is known up [m], as odometry has drifted from it."""
+        self._layers[[_HEIGHT, _RIVAL]] += height
 
     @property
     def corner(self) -> np.ndarray:

@@ -23,7 +23,12 @@ _LATER = (1, 2)
 
 
 class ElevationMapper:
-    """Maps from clouds and odometry, in simulated time; `elevation` is in odometry's frame."""
+    """
+    Maps from clouds and odometry, in simulated time; `elevation` is in odometry's frame.
+
+    Its heights are as odometry has them now: where a whole cloud is above or below what is known,
+    as on a slope that odometry gets wrong by a few percent, what is known is moved, too.
+    """
 
     def __init__(self, mount: Pose) -> None:
         """Take where the lidar's frame is in the base."""
@@ -73,7 +78,9 @@ class ElevationMapper:
         away, ranges = away[used], ranges[used]
         along = RANGE_NOISE * away[:, 2] / ranges
         tilted = TILT_NOISE * np.hypot(away[:, 0], away[:, 1])
-        self.elevation.add(placed[used], along**2 + tilted**2)
+        ground = placed[used]
+        self.elevation.lift(self.elevation.offset_of(ground))
+        self.elevation.add(ground, along**2 + tilted**2)
         return True
 
 

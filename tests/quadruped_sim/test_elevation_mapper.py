@@ -64,6 +64,24 @@ def test_points_of_a_riser_are_no_ground_and_those_of_a_slope_of_30_degrees_are(
     assert np.isfinite(heights).sum() >= 8
 
 
+def test_what_is_out_of_sight_follows_odometry_s_height_as_what_is_in_sight_does():
+    """While the robot looks to the left alone, its odometry rises by 20 cm on a level floor."""
+    rng = np.random.default_rng(112)
+    mapper = ElevationMapper(MOUNT)
+    for step in range(41):
+        risen = 0.005 * step
+        mapper.take_pose(1.0 + 0.1 * step, at(0.0, 0.3 + risen))
+        places = rng.uniform(-1.5, 1.5, (1500, 2))
+        if step > 5:
+            places[:, 1] = np.abs(places[:, 1])
+        floor = np.column_stack((places - (0.3, 0.0), rng.normal(-0.4, 0.005, len(places))))
+        floor[::20, 2] += 0.15  # one in twenty is wrong
+        mapper.take_cloud(1.0 + 0.1 * step, cloud(floor, np.zeros(len(floor))))
+    for y in (-1.0, 1.0):
+        heights = mapper.elevation.at(np.linspace(-1.0, 1.0, 40), np.full(40, y))
+        assert np.nanmedian(heights) == pytest.approx(0.2, abs=0.006)
+
+
 def test_time_that_begins_again_and_a_reset_forget_the_map():
     mapper = ElevationMapper(MOUNT)
     mapper.take_pose(5.0, at(0.0))
