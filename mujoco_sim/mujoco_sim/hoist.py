@@ -15,6 +15,12 @@ ABOVE, ASIDE = 0.2, 0.2
 FREQUENCY, DAMPING_RATIO = 2.0 * math.pi * 1.5, 0.7
 # The gantry raises at this speed [m/s]; a strap bears this many times half the weight, at most.
 RAISING_SPEED, STRONGEST = 0.3, 3.0
+# The lean [rad] from which on the frame turns no harder, and how slim a robot is: its radius of
+# gyration over its height.
+MOST_LEAN, SLIM = 0.15, 0.3
+# By this share of the root's height it raises higher than the start, so that feet come free.
+LIFT = 0.03
+_UP = np.array((0.0, 0.0, 1.0))
 
 
 class Hoist:
@@ -22,9 +28,10 @@ class Hoist:
     Bears a robot's weight while it `is_on`, at the heaviest link, and so keeps it upright.
 
     A strap is a spring with a damper, with half the weight where the gantry is; it does not push
-    down. Turns are damped, or it would swing about the line of its shoulders. The gantry stays
-    where the hoist was taken, at the height of the start; from further down it raises. State:
-    where the gantry is. `step` comes with each control step.
+    down. A frame between the straps turns the link upright, no harder than at a small lean: feet
+    that touch the ground would else keep the robot leaning. The gantry stays where the hoist was
+    taken, at the height of the start; from further down it raises, a little higher than that.
+    State: where the gantry is. `step` comes with each control step.
     """
 
     def __init__(self, world: World) -> None:
@@ -35,8 +42,11 @@ class Hoist:
         self._weight = mass * GRAVITY
         self._stiffness = 0.5 * mass * FREQUENCY**2
         self._damping = DAMPING_RATIO * mass * FREQUENCY
-        arm = ABOVE * float(world.data.xpos[world.root, 2])
-        self._turn_damping = self._damping * arm**2
+        height = float(world.data.xpos[world.root, 2])
+        self._uprightness = self._weight * height
+        self._turn_damping = (
+            2.0 * DAMPING_RATIO * math.sqrt(self._uprightness * mass) * SLIM * height
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -47,12 +57,14 @@ class Hoist:
         ends = centre + height * np.array([(0.0, side * ASIDE, ABOVE) for side in (1.0, -1.0)])
         R = data.xmat[self._body].reshape(3, 3)
         self._hooks = (ends - data.xpos[self._body]) @ R  # in the link's axes
+        self._up = R[2].copy()
         self._half = 0.5 * float(np.linalg.norm(ends[0] - ends[1]))
         self._top = float(ends[0, 2])
+        self._lifted = self._top + LIFT * height
         self._ends, self.is_on = ends, True
 
     def take(self) -> None:
-        """Hold the robot where it is, and raise it to the height of the start."""
+        """Hold the robot where it is, and raise it until its feet come free."""
         places, _ = self._find_hooks()
         across = places[0, :2] - places[1, :2]
         length = float(np.linalg.norm(across))
@@ -60,6 +72,7 @@ class Hoist:
             across, length = np.array((0.0, 1.0)), 1.0
         middle = places.mean(axis=0)
         sides = self._half / length * np.array((across, -across))
+        self._top = self._lifted
         self._ends = np.column_stack((middle[:2] + sides, np.full(2, middle[2])))
         self.is_on = True
 
@@ -83,6 +96,9 @@ class Hoist:
         data = self._world.data
         arms = places - data.xipos[self._body]
         torque = np.cross(arms, forces).sum(axis=0)
+        lean = np.cross(data.xmat[self._body].reshape(3, 3) @ self._up, _UP)
+        share = min(1.0, MOST_LEAN / max(float(np.linalg.norm(lean)), 1e-9))
+        torque += self._uprightness * share * lean
         torque -= self._turn_damping * data.cvel[self._body, :3]
         wrench = np.concatenate((forces.sum(axis=0), torque))
         if np.isfinite(wrench).all():

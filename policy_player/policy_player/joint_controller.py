@@ -105,7 +105,7 @@ class JointController:
         self.state = State.PASSIVE
         self.is_fallen = False
         self._remark = ''
-        self._position = np.zeros(len(self.joints))
+        self._settled = 0.0
         self._rest()
 
     def _rest(self) -> None:
@@ -134,7 +134,7 @@ class JointController:
             return refusal or f'it is in {wanted.value} already'
         self._rest()
         self.state, self._settled = wanted, 0.0
-        self._began = self._position.copy()
+        self._began: np.ndarray | None = None  # where joints are at the next step
         if wanted is State.POLICY and self._player is not None:
             self._player.reset()
         return ''
@@ -171,13 +171,12 @@ class JointController:
             if self.state is not State.PASSIVE:
                 self.let_go('the readings are no numbers: motors damp')
             return self._damping()
-        self._position = joints.position
         self._watch(math.acos(min(max(-float(gravity_in_base(imu.orientation)[2]), -1.0), 1.0)))
         if self.state is State.PASSIVE:
             return self._damping()
         if self.state is State.STAND or self._player is None:
             self._settled += dt
-            return self._towards_stand()
+            return self._towards_stand(joints.position)
         self._follow(dt)
         own = self._theirs
         told = Senses(
@@ -210,7 +209,9 @@ class JointController:
         asked = self._asked if self._age.is_alive else np.zeros(3)
         self.velocity = self.velocity + np.clip(asked - self.velocity, -RAMPS * dt, RAMPS * dt)
 
-    def _towards_stand(self) -> JointCommand:
+    def _towards_stand(self, position: np.ndarray) -> JointCommand:
+        if self._began is None:
+            self._began = position.copy()
         share = min(self._settled / SETTLE_TIME, 1.0)
         share = share * share * (3.0 - 2.0 * share)
         pose = self._began + share * (self._stand.position - self._began)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A hoist bears what it holds, raises what lies, and is gone once it lets go."""
 
-from mujoco_sim.hoist import ABOVE, FREQUENCY, Hoist, RAISING_SPEED
+from mujoco_sim.hoist import ABOVE, FREQUENCY, Hoist, LIFT, RAISING_SPEED
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_world
 import numpy as np
@@ -85,7 +85,7 @@ def test_what_lies_on_its_side_is_raised_and_turned_upright_slowly(held):
         fastest = max(fastest, float(world.base().linear_velocity[2]))
     base = world.base()
     assert base.tilt < 0.02
-    assert base.position[2] == pytest.approx(HEIGHT, abs=0.01)
+    assert base.position[2] == pytest.approx((1.0 + LIFT) * HEIGHT, abs=0.01)
     np.testing.assert_allclose(base.position[:2], low.position[:2], atol=ABOVE * HEIGHT + 0.1)
     assert fastest < 3.0 * RAISING_SPEED
 

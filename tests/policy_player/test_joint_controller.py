@@ -95,10 +95,12 @@ def test_it_begins_with_damping_alone():
     assert (command.kd > 0.0).all()
 
 
-def test_the_stand_goes_from_where_joints_are_to_its_pose_without_a_jump():
+@pytest.mark.parametrize('waits', [0.0, 0.1])
+def test_the_stand_goes_from_where_joints_are_to_its_pose_without_a_jump(waits):
     controller = JointController(G1_JOINTS, g1_stand(G1_JOINTS))
     begin = np.linspace(-0.5, 0.5, len(G1_JOINTS))
-    run(controller, 0.1, reading(begin))
+    for _ in range(round(waits / DT)):
+        controller.step(reading(begin), DT)
     controller.press('2')
     last = begin
     for _ in range(round(SETTLE_TIME / DT) + 1):
