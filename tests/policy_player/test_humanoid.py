@@ -5,6 +5,7 @@ import numpy as np
 from policy_files import constant, layers, mjlab, onnx
 from policy_player.humanoids import G1_JOINTS, g1_stand
 import pytest
+import wasd
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
@@ -95,10 +96,28 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
     run.press('2')
     pass_time(run, 2.5)
     assert robot.state == 'stand'
+    assert run.world.base().tilt < 0.05
+    run.press('h')
+    assert pass_time(run, 4.0)[1] < 0.15
     run.press('BACKSPACE')
     np.testing.assert_allclose(run.world.base().position, (0.0, 0.0, start), atol=1e-9)
     assert (robot.state, robot.hoist.is_on) == ('passive', True)
     assert pass_time(run, 2.0)[1] < 0.1
+
+
+@pytest.mark.parametrize('limp', [0.0, 0.5, 3.0])
+@pytest.mark.parametrize('push', [0.0, 120.0])
+def test_whenever_it_stood_up_on_the_hoist_it_stands_without(run_of, limp, push):
+    run = run_of(seed=4)
+    if limp:
+        pass_time(run, limp)
+    run.press('2')
+    pass_time(run, 1.0)
+    run.world.push((push, push, 0.0), 0.2)
+    pass_time(run, 4.0)
+    assert run.world.base().tilt < 0.05
+    run.press('h')
+    assert pass_time(run, 6.0)[1] < 0.1
 
 
 def test_a_network_that_holds_the_pose_takes_over_on_the_hoist_and_is_driven(run_of, tmp_path):
@@ -209,6 +228,33 @@ def test_another_biped_is_held_and_moved_by_a_network_of_its_joints(run_of, tmp_
         pass_time(run, seconds)
     with pytest.raises(UserError, match='29 joints of .* are none of it|is none of this robot'):
         run_of(policy=network(tmp_path, joints))
+
+
+def test_a_script_has_it_stand_and_driven(tmp_path):
+    robot = wasd.G1(seed=2, policy=network(tmp_path))
+    assert (robot.state, robot.is_held) == ('passive', True)
+    with pytest.raises(UserError, match='press 2 to stand, then p'):
+        robot.press('p')
+    with pytest.raises(UserError, match='wanted 1, 2, p, h'):
+        robot.press('4')
+    with pytest.raises(UserError, match='needs the state policy'):
+        robot.drive(0.3)
+    robot.press('2')
+    robot.run(2.0)
+    robot.press('p')
+    robot.run(0.5)
+    robot.press('h')
+    robot.drive(0.3)
+    robot.run(1.0)
+    assert (robot.state, robot.is_held) == ('policy', False)
+    assert robot._robot.sample().command[0] == pytest.approx(0.3)
+    assert robot.truth.tilt < 0.1
+    robot.reset()
+    assert (robot.state, robot.is_held) == ('passive', True)
+    again = wasd.G1(seed=2, policy=network(tmp_path))
+    again.run(0.5)
+    robot.run(0.5)
+    np.testing.assert_array_equal(robot.truth.position, again.truth.position)
 
 
 def test_other_processes_press_its_keys_drive_it_and_hear_its_state(ros, tmp_path):

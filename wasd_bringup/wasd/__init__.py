@@ -28,8 +28,9 @@ from mujoco_sim.parameters import (
 from wasd_core.errors import UserError  # noqa: E402
 
 from wasd.robots import (
+    G1,  # noqa: E402
     Go2,  # noqa: E402
     Mbot,  # noqa: E402
 )
 
-__all__ = ['Go2', 'Mbot', 'Payload', 'Untold', 'UserError']
+__all__ = ['G1', 'Go2', 'Mbot', 'Payload', 'Untold', 'UserError']

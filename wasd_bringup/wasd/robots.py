@@ -15,6 +15,7 @@ from mujoco_sim.pictures import take_picture, Viewpoint
 import numpy as np
 from quadruped_sim.keys import STATE_KEYS, StateName
 from quadruped_sim.states.policy import Walker
+from wasd_bringup.robots import G1 as G1_ROW
 from wasd_bringup.robots import GO2, MBOT
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import Velocity
@@ -30,7 +31,7 @@ AZIMUTH, ELEVATION = 130.0, -20.0
 
 class Robot:
     """
-    What both robots have: a world that is stepped, pressed keys, a commanded velocity.
+    What all robots have: a world that is stepped, pressed keys, a commanded velocity.
 
     Everything happens inside `run`: between two calls simulated time stands still. The same seed
     and the same calls give the same bits. A velocity holds until the next, since who commands it
@@ -284,6 +285,92 @@ class Go2(Robot):
             self._velocity = None  # who comes back to such a state stands until it is driven
         if self.state in DRIVEN:
             super()._repeat()
+
+
+class G1(Robot):
+    """
+    A Unitree G1, or a biped that a network walks, on a hoist: keys 1 passive, 2 stand, p, h hoist.
+
+    `drive` commands a velocity in the state policy (2, then p). `policy` is the file of a network,
+    `policy_config` what says how it was trained; without one it stands.
+
+    Raises:
+        UserError: what is wrong with the description, the world or an option, in one line.
+    """
+
+    def __init__(
+        self,
+        world: str = 'flat',
+        seed: int = 0,
+        *,
+        description: str = 'g1',
+        package_path: Sequence[str | os.PathLike[str]] = (),
+        policy: str | os.PathLike[str] | None = None,
+        policy_config: str | os.PathLike[str] | None = None,
+        untold: Untold = NOTHING,
+    ) -> None:
+        super().__init__(
+            RunOptions(
+                robot=G1_ROW.name,
+                preset=G1_ROW.preset,
+                world=world,
+                seed=seed,
+                description=description,
+                package_path=tuple(Path(folder) for folder in package_path),
+                policy=None if policy is None else os.fspath(policy),
+                policy_config=None if policy_config is None else os.fspath(policy_config),
+                untold=untold,
+                speed=0.0,
+            )
+        )
+
+    @property
+    def state(self) -> str:
+        """`passive`, `stand` or `policy`."""
+        state: str = self._robot.state
+        return state
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the hoist bears it."""
+        is_on: bool = self._robot.hoist.is_on
+        return is_on
+
+    def press(self, key: str) -> None:
+        """
+        Press 1, 2 or p for a state, or h for the hoist.
+
+        Raises:
+            UserError: another key, or the state cannot follow the present one, and what to press.
+        """
+        _check_key(key)
+        with self._alone('press'):
+            refusals = {choice.key: choice.refusal for choice in self._robot.choices()}
+            if key not in refusals:
+                raise UserError(f'press: got {key!r}, wanted {", ".join(refusals)}')
+            if refusals[key]:
+                raise UserError(refusals[key])
+            self._velocity = None
+            self._robot.press_state(key)
+
+    def drive(self, vx: float, vy: float = 0.0, wz: float = 0.0) -> None:
+        """
+        Command a velocity [m/s], [m/s], [rad/s] until the next, or the end of the state.
+
+        Raises:
+            UserError: not finite, or the robot is in another state than policy.
+        """
+        if not np.isfinite((vx, vy, wz)).all():
+            raise UserError(f'drive: got {(vx, vy, wz)}, wanted finite numbers')
+        with self._alone('drive'):
+            if self.state != StateName.POLICY:
+                raise UserError(f'drive: needs the state policy (2, then p), not {self.state}')
+            self._velocity = (vx, vy, wz)
+
+    def _repeat(self) -> None:
+        if self.state != StateName.POLICY:
+            self._velocity = None
+        super()._repeat()
 
 
 class Mbot(Robot):
