@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Exploring of flats that nobody has seen, by a robot's own map and pose; without physics.
+Exploring of flats that nobody has seen, and goals in them then; without physics.
+
+A robot drives by its own map and its own pose. What is measured is measured by the truth.
 
 The lidar is the ideal one (1 cm of noise), odometry errs as each robot's does.
 """
@@ -9,8 +11,8 @@ from collections.abc import Callable
 import math
 from typing import Any
 
-from kinematic import draw_grid, KinematicRobot, ROBOTS
-from mujoco_sim.flats import make_flat
+from goals_trials import Course
+from kinematic import draw_grid, ROBOTS
 import numpy as np
 from slam_logs import ODOMETRIES
 from table import format_count, Row
@@ -25,63 +27,117 @@ from wasd_navigation.se2 import compose, inverse
 
 FIRST_SEED = 7000
 LONGEST = 900.0  # [s]
+# Goals in each flat that was explored, and how long each may take [s].
+GOALS, PATIENCE = 5, 180.0
+# How near by the truth each must be [m], [rad]: what the navigator asks for, and its map's error.
+NEAR, TURNED = 0.10, math.radians(5.0)
 KNOWN, LONGER = 0.98, 1.5
 LEVEL = Pose(np.zeros(3), np.eye(3))
 
 
-def explore(name: str, seed: int) -> dict[str, Any]:
-    """Let a robot explore a flat; return what of it is known then, and the way [m]."""
-    robot, flat = ROBOTS[name], make_flat(seed)
-    moving = KinematicRobot(robot, np.zeros(3), seed)
-    limits = {f'limits.{key}': value for key, value in vars(robot.limits).items()}
-    planning = {f'planning.{key}': value for key, value in vars(robot.parameters).items()}
-    footprint = robot.footprint
-    size = (
-        {'robot_radius': footprint.radius}
-        if footprint.is_circle
-        else {
-            'footprint_length': 2.0 * footprint.half_length,
-            'footprint_width': 2.0 * footprint.half_width,
-        }
-    )
-    unit = RobotNavigator(NavigatorParameters().changed({**limits, **planning, **size}))
-    asked = [np.zeros(3)]
-    unit.send = lambda velocity: asked.__setitem__(0, velocity)
-    wheels = ODOMETRIES[name]
-    random = np.random.default_rng((seed, 71))
-    scale, turn_scale = 1.0 + random.normal(size=2) * (wheels.scale, wheels.turn_scale)
-    believed, covariance = np.zeros(3), 1e-6 * np.eye(3)
-    unit.explore()
-    way, least, before = 0.0, math.inf, moving.pose
-    while unit.is_exploring and moving.time < LONGEST:
-        odometry = Odometry(believed, moving.velocity, covariance.copy(), LEVEL)
+class Ride:
+    """
+    A robot in a flat that knows what it sees: it drives by its own map and its own pose.
+
+    `believed` is where its odometry has it, which errs by a scale and a drift of its own.
+    """
+
+    def __init__(self, name: str, seed: int) -> None:
+        self.course = Course(ROBOTS[name], seed)
+        robot, self.flat, self.moving = self.course.robot, self.course.flat, self.course.moving
+        limits = {f'limits.{key}': value for key, value in vars(robot.limits).items()}
+        planning = {f'planning.{key}': value for key, value in vars(robot.parameters).items()}
+        footprint = robot.footprint
+        size = (
+            {'robot_radius': footprint.radius}
+            if footprint.is_circle
+            else {
+                'footprint_length': 2.0 * footprint.half_length,
+                'footprint_width': 2.0 * footprint.half_width,
+            }
+        )
+        self.unit = RobotNavigator(NavigatorParameters().changed({**limits, **planning, **size}))
+        self._asked = np.zeros(3)
+        self.unit.send = self._ask
+        self._wheels = ODOMETRIES[name]
+        self._random = np.random.default_rng((seed, 71))
+        scale, turn_scale = 1.0 + self._random.normal(size=2) * (
+            self._wheels.scale,
+            self._wheels.turn_scale,
+        )
+        self._scales = np.array((scale, scale, turn_scale))
+        self._believed, self._covariance = np.zeros(3), 1e-6 * np.eye(3)
+        self.way, self.least = 0.0, math.inf
+
+    def _ask(self, velocity: np.ndarray) -> None:
+        self._asked = velocity
+
+    def step(self) -> None:
+        """Go on for a period of the driver."""
+        moving, unit, before = self.moving, self.unit, self.moving.pose
+        odometry = Odometry(self._believed, moving.velocity, self._covariance.copy(), LEVEL)
         unit.navigator.move(odometry)
-        scan = moving.scan(flat.boxes)
+        scan = moving.scan(self.flat.boxes)
         if scan is not None:
             unit.navigator.see(scan, odometry)
         unit.step(moving.time)
-        moving.step(asked[0])
+        moving.step(self._asked)
         step = compose(inverse(before), moving.pose)
         length, turn = math.hypot(step[0], step[1]), abs(step[2])
-        noise = random.normal(size=3) * (0.0, 0.0, wheels.drift * math.sqrt(length))
-        believed = compose(believed, step * (scale, scale, turn_scale) + noise)
-        growth = wheels.growth
-        covariance += np.diag(
+        drift = self._random.normal(size=3) * (0.0, 0.0, self._wheels.drift * math.sqrt(length))
+        self._believed = compose(self._believed, step * self._scales + drift)
+        growth = self._wheels.growth
+        self._covariance += np.diag(
             (growth.distance * length, growth.distance * length, growth.turn * turn)
         )
-        way, before = way + length, moving.pose
-        least = min(least, moving.gap(flat.boxes))
+        self.way += length
+        self.least = min(self.least, moving.gap(self.flat.boxes))
+
+    def explore(self) -> None:
+        """Explore, until nothing is left or it takes too long."""
+        self.unit.explore()
+        while self.unit.is_exploring and self.moving.time < LONGEST:
+            self.step()
+
+    def go(self, goal: np.ndarray) -> dict[str, Any]:
+        """Drive to a goal, given as the world has it; return how that went, by the truth."""
+        self.least, until = math.inf, self.moving.time + PATIENCE
+        self.unit.go(goal)
+        while self.unit.navigator.goal is not None and self.moving.time < until:
+            self.step()
+        off = self.moving.pose - goal
+        return {
+            'goal': goal.tolist(),
+            'outcome': str(self.unit.navigator.outcome),
+            'off': math.hypot(off[0], off[1]),
+            'turned_off': abs(math.remainder(off[2], 2.0 * math.pi)),
+            'gap': self.least,
+        }
+
+
+def explore(name: str, seed: int) -> dict[str, Any]:
+    """Let a robot explore a flat; return what of it is known then, and the way [m]."""
+    ride = Ride(name, seed)
+    ride.explore()
+    unit, moving, inscribed = ride.unit, ride.moving, ride.course.robot.footprint.inscribed
     return {
         'seed': seed,
         'done': not unit.is_exploring,
-        'known': _known(unit, flat, footprint.inscribed),
-        'way': way,
-        'tour': tour(flat, footprint.inscribed),
+        'known': _known(unit, ride.flat, inscribed),
+        'way': ride.way,
+        'tour': tour(ride.flat, inscribed),
         'home': math.hypot(moving.pose[0], moving.pose[1]),
-        'gap': least,
+        'gap': ride.least,
         'time': moving.time,
         'outcome': str(unit.navigator.outcome),
     }
+
+
+def drive_explored(name: str, seed: int) -> list[dict[str, Any]]:
+    """Let a robot explore a flat, and then drive to places that can be reached."""
+    ride = Ride(name, seed)
+    ride.explore()
+    return [{'seed': seed, **ride.go(ride.course.choose_goal())} for _ in range(GOALS)]
 
 
 def _known(unit: RobotNavigator, flat: Any, inscribed: float) -> float:
@@ -149,5 +205,41 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
             must=f'all, >= {100.0 * KNOWN:g} %, <= {LONGER:g}',
             passed=all(good) and max(longer) <= LONGER,
             trials=trials,
-        )
+        ),
+        *_goals_by_own_map(1 if quick else 20, note),
     ]
+
+
+def _goals_by_own_map(flats: int, note: Callable[[str], None]) -> list[Row]:
+    rows = []
+    for name in ROBOTS:
+        note(f'explore: {name}, goals in flats that it explored')
+        drives = [
+            drive
+            for seed in range(FIRST_SEED + 100, FIRST_SEED + 100 + flats)
+            for drive in drive_explored(name, seed)
+        ]
+        rows.append(_arrivals(name, drives))
+    return rows
+
+
+def _arrivals(name: str, drives: list[dict[str, Any]]) -> Row:
+    there = [
+        'arrived' in drive['outcome']
+        and drive['off'] <= NEAR
+        and drive['turned_off'] <= TURNED
+        and drive['gap'] > 0.0
+        for drive in drives
+    ]
+    off = 100.0 * max(
+        (drive['off'] for drive in drives if 'arrived' in drive['outcome']), default=0.0
+    )
+    gap = 100.0 * min(drive['gap'] for drive in drives)
+    return Row(
+        what=f'goals, {name}: flats that it explored, own map and pose, ideal lidar, no physics',
+        measured=f'{format_count(sum(there), len(there))} there without a touch, the farthest '
+        f'{off:.1f} cm off; {gap:.1f} cm from obstacles at worst, by the truth',
+        must=f'all, <= {100.0 * NEAR:g} cm',
+        passed=all(there),
+        trials=drives,
+    )
