@@ -201,7 +201,7 @@ def round_trip(seconds=4.0):
     began = time.monotonic()
     low.came.wait(5.0)
     first = time.monotonic()
-    time.sleep(float(seconds) - (first - began))
+    time.sleep(max(0.0, float(seconds) - (first - began)))
     over, ticks = time.monotonic(), [tick for tick, _ in list(low.states)]
     missed = sum((b - a) // 2 - 1 for a, b in zip(ticks, ticks[1:], strict=False))
     return {'heard': len(ticks), 'missed': missed, 'seconds': over - first}

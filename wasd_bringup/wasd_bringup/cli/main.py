@@ -157,7 +157,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.words = (*words, *ros_arguments)
         # The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`.
         if ros_arguments and arguments.command not in ROBOTS:
-            takers = ' and '.join(ROBOTS)
+            takers = ', '.join(ROBOTS)
             raise UserError(f'{arguments.command} takes no --ros-args; {takers} do')
         return _act(arguments, ros_arguments)
     except UserError as error:
