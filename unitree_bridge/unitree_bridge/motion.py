@@ -101,10 +101,12 @@ class Motion:
             self._lean[name] = round(_FULL_STICK * share)
 
     def choose_gait(self, name: str) -> None:
-        """Step so, from the next steps on."""
+        """Step so, from the next steps on, by the key with the shorter way: each takes 1.5 ms."""
         gaits = tuple(GAITS)
-        for _ in range((gaits.index(name) - gaits.index(self._robot.gait)) % len(gaits)):
-            if not self._press('n'):
+        ahead = (gaits.index(name) - gaits.index(self._robot.gait)) % len(gaits)
+        key, times = min(('n', ahead), ('N', len(gaits) - ahead), key=lambda way: way[1])
+        for _ in range(times if ahead else 0):
+            if not self._press(key):
                 return
 
     def step(self, dt: float) -> None:
