@@ -177,6 +177,11 @@ def _check_key(key: str) -> None:
         raise UserError(f"press: got {key!r}, wanted the name of a key, such as '2'")
 
 
+def _check_velocity(*velocity: float) -> None:
+    if not np.isfinite(velocity).all():
+        raise UserError(f'drive: got {velocity}, wanted finite numbers')
+
+
 class Go2(Robot):
     """
     A Unitree Go2, or any quadruped, with its leg controller: keys 2 stand, 4 trot, 5 move base.
@@ -273,8 +278,7 @@ class Go2(Robot):
         Raises:
             UserError: not finite, or the robot is in another state.
         """
-        if not np.isfinite((vx, vy, wz)).all():
-            raise UserError(f'drive: got {(vx, vy, wz)}, wanted finite numbers')
+        _check_velocity(vx, vy, wz)
         with self._alone('drive'):
             if self._robot.legs.controller.coming_state not in DRIVEN:
                 raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
@@ -360,8 +364,7 @@ class G1(Robot):
         Raises:
             UserError: not finite, or the robot is in another state than policy.
         """
-        if not np.isfinite((vx, vy, wz)).all():
-            raise UserError(f'drive: got {(vx, vy, wz)}, wanted finite numbers')
+        _check_velocity(vx, vy, wz)
         with self._alone('drive'):
             if self.state != StateName.POLICY:
                 raise UserError(f'drive: needs the state policy (2, then p), not {self.state}')
@@ -443,8 +446,7 @@ class Mbot(Robot):
         Raises:
             UserError: not finite.
         """
-        if not np.isfinite((vx, wz)).all():
-            raise UserError(f'drive: got {(vx, wz)}, wanted finite numbers')
+        _check_velocity(vx, wz)
         with self._alone('drive'):
             self._robot.mute(True)
             self._velocity = (vx, 0.0, wz)
