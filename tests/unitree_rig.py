@@ -42,6 +42,9 @@ class TableWire:
         found = self.come.pop(topic.name, [])
         return found[-topic.depth :]
 
+    def has_come(self, topics):
+        return any(self.come.get(topic.name) for topic in topics)
+
     def wait(self, topic, seconds):
         self.waits += 1
         return bool(self.come.get(topic.name))

@@ -67,6 +67,7 @@ class World:
         self._views = _Views(self.data, self.parts, prefix if self.has_imu else None)
         self._sensors: NoisySensors | None = None
         self._strength = self._strength_of_joints()
+        self._link_numbers: dict[tuple[str, ...], list[int]] = {}
         # Readings, each with its tick, that are not yet known; the first is.
         self._late: deque[tuple[int, Reading]] = deque()
         if self.has_imu and self.setup.noise is not None:
@@ -226,15 +227,24 @@ class World:
 
         They belong to the beginning of the last physics step, as contacts are found then.
         """
-        forces = dict.fromkeys(links, 0.0)
-        wrench = np.zeros(6)
-        for index, pair in enumerate(self.data.contact.geom.tolist()):
-            touching = {self.parts.link_of_geom[geom] for geom in pair} & forces.keys()
-            if touching:
+        numbers = self._numbers_of(tuple(links))
+        forces = [0.0] * (len(links) + 1)  # and that on all other links
+        others, wrench = len(links), np.zeros(6)
+        for index, (one, other) in enumerate(self.data.contact.geom.tolist()):
+            touching = {numbers[one], numbers[other]}
+            if touching != {others}:
                 mujoco.mj_contactForce(self.model, self.data, index, wrench)
-                for link in touching:
-                    forces[link] += float(wrench[0])
-        return np.array([forces[link] for link in links])
+                for number in touching:
+                    forces[number] += float(wrench[0])
+        return np.array(forces[:others])
+
+    def _numbers_of(self, links: tuple[str, ...]) -> list[int]:
+        """Return for each geom which of these links it is part of, their count if of none."""
+        if links not in self._link_numbers:
+            number = {link: n for n, link in enumerate(links)}
+            of_geoms = [number.get(link, len(links)) for link in self.parts.link_of_geom]
+            self._link_numbers[links] = of_geoms
+        return self._link_numbers[links]
 
     def touched(self) -> set[str]:
         """

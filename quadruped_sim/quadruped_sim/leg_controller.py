@@ -122,7 +122,7 @@ class LegController:
         self._given, own = params, self._scaled(params)
         self._params = self._parts.params = own
         self.command_filter.tune(own.command, own.gait.name, self._left)
-        self.locomotion.tune(replace(own, gait=replace(own.gait, name=self._left)))
+        self.locomotion.tune(_in_gait(own, self._left))
         self._change_gait()
         self.safety.params = own.safety
         self._detector.params = own.contact
@@ -142,8 +142,13 @@ class LegController:
 
     def choose_gait(self, name: str) -> None:
         """Step as a row of `GAITS` says; legs that move slow down first, then glide into it."""
-        if name != self.gait:
-            self.tune(replace(self._given, gait=replace(self._given.gait, name=name)))
+        if name == self.gait:
+            return
+        self._given = _in_gait(self._given, name)
+        # The name alone differs: all that `tune` would do beside this is done already.
+        self._params = self._parts.params = _in_gait(self._params, name)
+        self.command_filter.tune(self._params.command, name, self._left)
+        self._change_gait()
 
     def _change_gait(self) -> None:
         """Take the chosen gait once the legs are slow, and speed up once they have it."""
@@ -472,6 +477,10 @@ class LegController:
         self._kalman.reset(position, position + relative)
         self._heading.reset()
         self._is_started = True
+
+
+def _in_gait(params: LegControllerParameters, name: str) -> LegControllerParameters:
+    return replace(params, gait=replace(params.gait, name=name))
 
 
 def _is_moving(robot: RobotState) -> bool:

@@ -41,7 +41,8 @@ SERVICES = ('sport', 'motion_switcher', 'obstacles_avoid', 'robot_state', 'video
 LEASED = 'sport'
 MOVING = ('sport', 'obstacles_avoid')
 OUT = (*topics.OUT, *map(topics.response, (*SERVICES, f'{LEASED}_lease')))
-INTO = (*topics.IN, *map(topics.request, (*SERVICES, f'{LEASED}_lease')))
+_REQUESTS = tuple(map(topics.request, (*SERVICES, f'{LEASED}_lease')))
+INTO = (*topics.IN, *_REQUESTS)
 
 
 class Bridge:
@@ -133,6 +134,8 @@ class Bridge:
 
     def serve(self) -> None:
         """Answer requests, also while simulated time stands still."""
+        if not self._wire.has_come(_REQUESTS):
+            return
         for service in self.services:
             for raw in self._wire.take(topics.request(service.name)):
                 self._has_begun |= service.name in MOVING

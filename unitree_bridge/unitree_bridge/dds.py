@@ -67,7 +67,7 @@ class DdsWire:
         topics = {t.name: self._topic(t) for t in (*out, *into)}
         self._writers = {t.name: self._writer(topics[t.name]) for t in out}
         self._readers = {t.name: self._reader(topics[t.name], t.depth) for t in into}
-        self._arrivals = {name: self._arrival(reader) for name, reader in self._readers.items()}
+        self._arrivals: dict[tuple[str, ...], WaitSet] = {}
         self._heard: set[str] = set()
 
     def publish(self, topic: Topic, raw: bytes) -> None:
@@ -99,9 +99,13 @@ class DdsWire:
             if hasattr(sample, 'raw')  # and no word of one who is gone
         ]
 
+    def has_come(self, topics: tuple[Topic, ...]) -> bool:
+        """Return whether there is a message of any of these topics."""
+        return bool(self._arrival(*(topic.name for topic in topics)).wait(0))
+
     def wait(self, topic: Topic, seconds: float) -> bool:
         """Wait for a message, at most so long [s]; return whether there is one."""
-        return bool(self._arrivals[topic.name].wait(duration(seconds=seconds)))
+        return bool(self._arrival(topic.name).wait(duration(seconds=seconds)))
 
     def close(self) -> None:
         """Be gone for all others."""
@@ -124,10 +128,13 @@ class DdsWire:
         own, last = Policy.IgnoreLocal.Participant, Policy.History.KeepLast(depth)
         return DataReader(self._participant, topic, Qos(reliable, own, last))
 
-    def _arrival(self, reader: 'DataReader[Any]') -> WaitSet:
-        waiting = WaitSet(self._participant)
-        waiting.attach(ReadCondition(reader, _ANY_STATE))
-        return waiting
+    def _arrival(self, *names: str) -> WaitSet:
+        if names not in self._arrivals:
+            waiting = WaitSet(self._participant)
+            for name in names:
+                waiting.attach(ReadCondition(self._readers[name], _ANY_STATE))
+            self._arrivals[names] = waiting
+        return self._arrivals[names]
 
 
 class _Raw:

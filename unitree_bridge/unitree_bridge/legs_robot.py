@@ -104,15 +104,17 @@ class LegsRobot:
         assert reading.imu is not None  # the usual setup of a quadruped has one
         forces = self._world.contact_forces(self._feet)[LEGS]
         robot = self._legs.controller.robot
-        if robot is None:
-            nothing = np.zeros(12)
-            estimated, feet, speed = np.zeros(4), nothing, nothing
-        else:
-            motion = robot.motion
-            estimated = robot.normal_forces[LEGS]
-            feet, speed = motion.position[LEGS].ravel(), motion.velocity[LEGS].ravel()
+        estimated = np.zeros(4) if robot is None else robot.normal_forces[LEGS]
         joints = JointStates(*(part[MOTORS] for part in reading.joints))
-        return Senses(joints, reading.imu, forces, estimated, feet, speed)
+        return Senses(joints, reading.imu, forces, estimated)
+
+    def feet(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] of the feet in base axes, (12,) each."""
+        robot = self._legs.controller.robot
+        if robot is None:
+            return np.zeros(12), np.zeros(12)
+        motion = robot.motion
+        return motion.position[LEGS].ravel(), motion.velocity[LEGS].ravel()
 
     def motors(self, command: JointCommand) -> JointCommand:
         """Return a command of leg angles as one of the world's motors."""

@@ -19,14 +19,14 @@ COUNT = 12  # motors that the Go2 has
 # A position or velocity that is no aim, whatever its gain: PosStopF and VelStopF of the SDK.
 POSITION_STOP, VELOCITY_STOP = 2.146e9, 16000.0
 # What is as far away is meant so, too: numbers of 32 bits are coarse there [rad], [rad/s].
-_NO_AIM = 1e6, 0.999 * VELOCITY_STOP
+_NO_AIM = np.array(((1e6,), (0.999 * VELOCITY_STOP,)))
 ENABLED = 1  # a motor's mode in which it follows commands
 # Motors that hear nothing for longer damp [s].
 SILENCE = 0.1
 
 _CMD = Layout(LOW_CMD)
 _CMD_SUM = Checksum(_CMD)
-_AIMS = [_CMD.field(f'motor_cmd.{name}') for name in ('q', 'dq', 'tau', 'kp', 'kd')]
+_Q, _DQ = (_CMD.field(f'motor_cmd.{name}') for name in ('q', 'dq'))
 _MODES = _CMD.places_of('motor_cmd.mode')[:COUNT]
 _RESERVE = _CMD.field('reserve')
 
@@ -54,11 +54,12 @@ def read_low_command(raw: bytes) -> LowCommand:
     if _CMD_SUM.in_message(raw) != wanted:
         got = _CMD_SUM.in_message(raw)
         raise InvalidMessage(f'checksum: got {got:#010x}, wanted {wanted:#010x}')
-    aims = np.array([field.of(raw)[:COUNT] for field in _AIMS], dtype=float)
-    q, dq, _, kp, kd = aims
-    kp[np.abs(q) >= _NO_AIM[0]] = kd[np.abs(dq) >= _NO_AIM[1]] = 0.0
-    # What no gain multiplies need not even be a number; but NaN is never meant.
-    q[np.abs(q) >= _NO_AIM[0]] = dq[np.abs(dq) >= _NO_AIM[1]] = 0.0
+    # q, dq, tau, kp and kd of a motor follow each other, (5, COUNT).
+    aims = np.ndarray((5, COUNT), _Q.kind, raw, _Q.at, (_DQ.at - _Q.at, _Q.step)).astype(float)
+    no_aim = np.abs(aims[:2]) >= _NO_AIM
+    if no_aim.any():
+        # What no gain multiplies need not even be a number; but NaN is never meant.
+        aims[3:][no_aim] = aims[:2][no_aim] = 0.0
     if not np.isfinite(aims).all():
         raise InvalidMessage('not all of q, dq, tau, kp, kd are finite')
     if (aims[3:] < 0.0).any():
@@ -175,10 +176,7 @@ class LowStates:
         def view(path: str) -> np.ndarray:
             return layout.field(path).of(self._raw)
 
-        self._imu = {
-            name: view(f'imu_state.{name}')
-            for name in ('quaternion', 'gyroscope', 'accelerometer', 'rpy')
-        }
+        self._imu = imu_view(layout, self._raw)
         view('imu_state.temperature')[:] = _TEMPERATURE
         self._joints = [view(f'motor_state.{name}')[:COUNT] for name in ('q', 'dq', 'tau_est')]
         self._foot_force, self._foot_force_est = view('foot_force'), view('foot_force_est')
@@ -188,7 +186,7 @@ class LowStates:
         """Return the message of a simulated time [s]; `remote` is the remote's state (40)."""
         for view, part in zip(self._joints, senses.joints, strict=True):
             view[:] = part
-        write_imu(self._imu, senses)
+        self._imu[:] = imu_numbers(senses)
         self._foot_force[:] = np.rint(senses.foot_force)
         self._foot_force_est[:] = np.rint(senses.foot_force_est)
         self._tick[0] = tick_of(time)
@@ -197,13 +195,18 @@ class LowStates:
         return bytes(self._raw)
 
 
-def write_imu(views: dict[str, np.ndarray], senses: Senses) -> None:
-    """Write the IMU's part of a message into views on it."""
+def imu_view(layout: Layout, raw: bytearray) -> np.ndarray:
+    """Return where quaternion, gyroscope, accelerometer and rpy follow each other, (13,)."""
+    first = layout.field('imu_state.quaternion')
+    return np.ndarray((13,), first.kind, raw, first.at)
+
+
+def imu_numbers(senses: Senses) -> list[float]:
+    """Return what belongs there, 13 numbers."""
     imu = senses.imu
-    views['quaternion'][:] = imu.orientation
-    views['gyroscope'][:] = imu.angular_velocity
-    views['accelerometer'][:] = imu.linear_acceleration
-    views['rpy'][:] = BaseState(_NOWHERE, imu.orientation, _NOWHERE, _NOWHERE).rpy
+    rpy = BaseState(_NOWHERE, imu.orientation, _NOWHERE, _NOWHERE).rpy
+    parts = imu.orientation, imu.angular_velocity, imu.linear_acceleration, rpy
+    return [number for part in parts for number in part.tolist()]
 
 
 def tick_of(time: float) -> int:

@@ -15,6 +15,7 @@ BUTTONS = (
     *('R1', 'L1', 'START', 'SELECT', 'R2', 'L2', 'F1', 'F2'),
     *('A', 'B', 'X', 'Y', 'UP', 'RIGHT', 'DOWN', 'LEFT'),
 )
+_BITS = {name: 1 << bit for bit, name in enumerate(BUTTONS)}
 # In LowState: a head, the buttons, then lx, rx, ry, L2, ly.
 _IN_LOW_STATE = struct.Struct('<2sH5f16x')
 _HEAD = b'\x55\x51'
@@ -32,7 +33,7 @@ class Remote(NamedTuple):
     @property
     def keys(self) -> int:
         """The buttons as bits."""
-        return sum(1 << bit for bit, name in enumerate(BUTTONS) if name in self.down)
+        return sum(_BITS[name] for name in self.down)
 
     @property
     def is_centred(self) -> bool:

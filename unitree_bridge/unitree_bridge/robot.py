@@ -23,15 +23,13 @@ class Senses(NamedTuple):
     What the robot measures in one instant, legs and motors in Unitree's order.
 
     `joints` are (12,), angles as Unitree's; `foot_force` (4,) [N] is measured, `foot_force_est`
-    follows from the joints' torques. `feet` and `foot_speed` (12,) are in base axes [m], [m/s].
+    follows from the joints' torques.
     """
 
     joints: JointStates
     imu: ImuReading
     foot_force: np.ndarray
     foot_force_est: np.ndarray
-    feet: np.ndarray
-    foot_speed: np.ndarray
 
 
 class Robot(Protocol):
@@ -71,6 +69,9 @@ class Robot(Protocol):
 
     def senses(self) -> Senses:
         """Return what it measures now."""
+
+    def feet(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] of the feet in base axes, (12,) each."""
 
     def press(self, key: str) -> bool:
         """Press a key of our controller; return whether that counts."""

@@ -6,7 +6,7 @@ from quadruped_sim.keys import StateName
 from wasd_core.rotations import matrix_from_quaternion
 
 from unitree_bridge.cdr import encode, Layout
-from unitree_bridge.low_level import write_imu
+from unitree_bridge.low_level import imu_numbers, imu_view
 from unitree_bridge.robot import Robot, Senses
 from unitree_bridge.shapes import SPORT_MODE_STATE
 
@@ -45,21 +45,19 @@ class SportStates:
             for path in dict.fromkeys(place.path for place in layout.places)
             if not path.startswith('path_point.')
         }
-        names = ('quaternion', 'gyroscope', 'accelerometer', 'rpy')
-        self._imu = {name: self._views[f'imu_state.{name}'] for name in names}
+        self._imu = imu_view(layout, self._raw)
 
     def write(self, robot: Robot, senses: Senses) -> bytes:
         """Return the message of this instant."""
         views = self._views
         views['stamp.sec'][0] = seconds = int(robot.time)
         views['stamp.nanosec'][0] = round(1e9 * (robot.time - seconds)) % 1_000_000_000
-        write_imu(self._imu, senses)
+        self._imu[:] = imu_numbers(senses)
         views['mode'][0] = MODES[robot.state]
         views['gait_type'][0] = int(robot.state in _STEPPING)
         views['body_height'][0] = robot.height
         views['foot_force'][:] = np.rint(senses.foot_force)
-        views['foot_position_body'][:] = senses.feet
-        views['foot_speed_body'][:] = senses.foot_speed
+        views['foot_position_body'][:], views['foot_speed_body'][:] = robot.feet()
         odometry = robot.odometry
         if odometry is not None:
             turn = matrix_from_quaternion(odometry.orientation)

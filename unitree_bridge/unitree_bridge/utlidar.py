@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lidar's topics of the Go2, from the one that its description has."""
 
+from collections.abc import Callable
 from typing import Any
 
 from mujoco_sim.sensors.cloud import POINT
@@ -28,8 +29,6 @@ CLOUD_FRAME, ODOM_FRAME, BASE_FRAME, IMU_FRAME = (
     'base_link',
     'utlidar_imu',
 )
-# The rates of what is told beside the cloud, which comes as the lidar measures [Hz].
-_RATES = ((topics.LIDAR_IMU, 250.0), (topics.ROBOT_POSE, 50.0), (topics.ROBOT_ODOM, 50.0))
 # What is told of each cloud.
 _OF_CLOUDS = (topics.CLOUD, topics.CLOUD_DESKEWED, topics.HEIGHT_MAP)
 # The numbers of sensor_msgs/PointField.
@@ -54,7 +53,12 @@ class LidarTopics:
         self._mapper = ElevationMapper(mount)
         self.is_on = True
         self._wire: Wire | None = None
-        self._beats = {topic.name: Beat() for topic, _ in _RATES}
+        # What is told beside the cloud, which comes as the lidar measures, and its rate [Hz].
+        self._regular: list[tuple[Topic, Beat, float, Callable[[], bytes | None]]] = [
+            (topics.LIDAR_IMU, Beat(), 250.0, self._imu),
+            (topics.ROBOT_POSE, Beat(), 50.0, self._pose),
+            (topics.ROBOT_ODOM, Beat(), 50.0, self._odometry),
+        ]
 
     @property
     def wants_clouds(self) -> bool:
@@ -96,24 +100,26 @@ class LidarTopics:
     def step(self, wire: Wire) -> None:
         """Take the switch, and tell what is due."""
         self._wire = wire
-        odometry = self._robot.odometry
-        if odometry is not None and self._is_wanted(topics.CLOUD_DESKEWED):
-            self._track.add(self._robot.time, odometry.position, odometry.orientation)
-        if odometry is not None and self._is_wanted(topics.HEIGHT_MAP):
-            self._mapper.take_pose(self._robot.time, odometry)
+        self._follow_base()
         for raw in wire.take(topics.LIDAR_SWITCH):
             self._switch(raw)
-        makers = {
-            topics.LIDAR_IMU.name: self._imu,
-            topics.ROBOT_POSE.name: self._pose,
-            topics.ROBOT_ODOM.name: self._odometry,
-        }
-        for topic, rate in _RATES:
-            is_due = self._beats[topic.name].is_due(self._robot.time, rate)
-            if is_due and self.is_on and wire.is_heard(topic):
-                told = makers[topic.name]()
+        for topic, beat, rate, make in self._regular:
+            if beat.is_due(self._robot.time, rate) and self.is_on and wire.is_heard(topic):
+                told = make()
                 if told is not None:
                     wire.publish(topic, told)
+
+    def _follow_base(self) -> None:
+        """Note where the base is, for what is told of clouds."""
+        is_tracked = self._is_wanted(topics.CLOUD_DESKEWED)
+        is_mapped = self._is_wanted(topics.HEIGHT_MAP)
+        if not (is_tracked or is_mapped):
+            return
+        odometry = self._robot.odometry
+        if odometry is not None and is_tracked:
+            self._track.add(self._robot.time, odometry.position, odometry.orientation)
+        if odometry is not None and is_mapped:
+            self._mapper.take_pose(self._robot.time, odometry)
 
     def _switch(self, raw: bytes) -> None:
         try:

@@ -18,6 +18,9 @@ class Wire(Protocol):
     def take(self, topic: Topic) -> list[bytes]:
         """Return the messages that have come, and no more than the topic keeps."""
 
+    def has_come(self, topics: tuple[Topic, ...]) -> bool:
+        """Return whether there is a message of any of these topics."""
+
     def wait(self, topic: Topic, seconds: float) -> bool:
         """Wait for a message, at most so long [s of wall time]; return whether there is one."""
 
