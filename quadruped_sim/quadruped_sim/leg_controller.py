@@ -148,6 +148,8 @@ class LegController:
         # The name alone differs: all that `tune` would do beside this is done already.
         self._params = self._parts.params = _in_gait(self._params, name)
         self.command_filter.tune(self._params.command, name, self._left)
+        if self.locomotion.gait.params.name != self._left:
+            self.locomotion.tune(_in_gait(self._params, self._left))
         self._change_gait()
 
     def _change_gait(self) -> None:
