@@ -12,8 +12,8 @@ from wasd_core.parameters import InvalidParameter, parameter, Parameters
 from wasd_core.robot_io import LEG_RATE
 
 WORLD_NAMES = (
-    'flat, room, office, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT, '
-    'ice:MU, gap:WIDTH, flat:SEED'
+    'flat, room, office, slope:DEG, stairs:RISE[,TREAD], step:HEIGHT, boxes:HEIGHT, '
+    'rough:HEIGHT, ice:MU, gap:WIDTH, stepping:GAP, course:SEED, flat:SEED'
 )
 # Of feet or wheels on a floor.
 FRICTION = (0.01, 2.0)

@@ -6,6 +6,7 @@ import math
 import os
 from pathlib import Path
 import stat
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -36,13 +37,29 @@ HALF_WIDTH = 3.0
 GROUND = (0.34, 0.40, 0.46, 1.0)
 TREAD = 0.30
 STEPS = 6
+# How long the landing is between stairs up and stairs down [m].
+LANDING = 3.6
 CELL = 0.25
+# Stepping stones are so long and wide [m], about as far apart as a Go2's feet are, sideways.
+STONE = 0.25
 # Where a patch of ice begins, far enough for a robot to be at speed, and how long it is [m].
 ICE_AHEAD, ICE_LENGTH = 2.0, 3.0
 # A foot's own friction, of priority 1, counts on any ground but this.
 ICE_PRIORITY = 2
 # How deep a gap is: deeper than a leg is long [m].
 PIT = 0.5
+# How far stepping stones go on [m].
+STONES = 3.0
+# A course is so long; in it boxes, each half of a slope, what lies on top, and how many steps
+# there are [m]; how high and wide all is, least and most [m], [deg].
+COURSE, COURSE_BOXES, COURSE_RAMP, COURSE_TOP, COURSE_STEPS = 12.0, 2.0, 0.9, 1.0, 3
+COURSE_SPANS = {
+    'boxes': (0.05, 0.15),
+    'step': (0.08, 0.20),
+    'gap': (0.08, 0.20),
+    'slope': (8.0, 20.0),
+    'stairs': (0.08, 0.15),
+}
 # What is random in where an edge lies [m]: each seed meets it with another leg.
 EDGE = 0.3
 
@@ -81,21 +98,31 @@ def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
         WORLDS[world](spec)
     elif name in TERRAINS and colon:
         _flat(spec)
-        TERRAINS[name][0](spec, _size(world), np.random.default_rng(seed))
+        TERRAINS[name].build(spec, *_sizes(world), np.random.default_rng(seed))
     else:
         _attach_file(spec, world)
 
 
-def _size(world: str) -> float:
+def _sizes(world: str) -> list[float]:
     name, _, text = world.partition(':')
-    _, smallest, largest = TERRAINS[name]
+    spans = TERRAINS[name].spans
+    words = text.split(',')
+    if len(words) > len(spans):
+        count = 'one number' if len(spans) == 1 else f'at most {len(spans)} numbers'
+        raise SimulationError(f'--world {world}: wanted {count} after the colon')
+    words += [str(span.usual) for span in spans[len(words) :]]
+    return [_number(world, word, span) for word, span in zip(words, spans, strict=True)]
+
+
+def _number(world: str, word: str, span: 'Span') -> float:
     try:
-        value = float(text)
+        value = float(word)
     except ValueError:
         value = math.nan
-    if not smallest <= value <= largest:
+    if not span.least <= value <= span.most:
         raise SimulationError(
-            f'--world {world}: wanted a number from {smallest:g} to {largest:g} after the colon'
+            f'--world {world}: wanted a number from {span.least:g} to {span.most:g} '
+            f'after the {span.after}'
         )
     return value
 
@@ -269,13 +296,21 @@ def add_slope(spec: mujoco.MjSpec, degrees: float, _: np.random.Generator) -> No
         _end_floor(spec, AHEAD)
 
 
-def add_stairs(spec: mujoco.MjSpec, rise: float, _: np.random.Generator) -> None:
-    """Climb STEPS steps of a rise [m], each TREAD deep, to a landing."""
-    for step in range(STEPS):
+def add_stairs(spec: mujoco.MjSpec, rise: float, tread: float, _: np.random.Generator) -> None:
+    """Climb STEPS steps of a rise and a tread [m] to a landing; then as many down."""
+    _add_stairs(spec, AHEAD, (rise, tread, LANDING), STEPS)
+
+
+def _add_stairs(
+    spec: mujoco.MjSpec, start: float, sizes: tuple[float, float, float], steps: int
+) -> None:
+    """Add stairs up and down from x = start on: of a rise, a tread and a landing [m]."""
+    rise, tread, landing = sizes
+    for step in range(steps):
         height = rise * (step + 1)
-        start = AHEAD + TREAD * step
-        half = (LENGTH - TREAD * step) / 2.0
-        _add_box(spec, (start + half, 0.0, height / 2.0), (half, HALF_WIDTH, height / 2.0))
+        half = landing / 2.0 + tread * (steps - 1 - step)
+        middle = start + tread * (steps - 1) + landing / 2.0
+        _add_box(spec, (middle, 0.0, height / 2.0), (half, HALF_WIDTH, height / 2.0))
 
 
 def add_step(spec: mujoco.MjSpec, height: float, random: np.random.Generator) -> None:
@@ -287,12 +322,19 @@ def add_step(spec: mujoco.MjSpec, height: float, random: np.random.Generator) ->
 
 def add_boxes(spec: mujoco.MjSpec, height: float, random: np.random.Generator) -> None:
     """Cover the ground with boxes of CELL, each of a random height up to `height` [m]."""
-    for row in range(round(LENGTH / CELL)):
+    _add_boxes(spec, AHEAD, LENGTH, height, random)
+
+
+def _add_boxes(
+    spec: mujoco.MjSpec, start: float, length: float, height: float, random: np.random.Generator
+) -> None:
+    """Cover so much ground [m] with boxes, from x = start on."""
+    for row in range(round(length / CELL)):
         for column in range(round(-2.0 / CELL), round(2.0 / CELL)):
             top = float(random.uniform(0.0, height))
             if top < 0.002:
                 continue
-            place = (AHEAD + (row + 0.5) * CELL, (column + 0.5) * CELL, top / 2.0)
+            place = (start + (row + 0.5) * CELL, (column + 0.5) * CELL, top / 2.0)
             shade = 0.75 + 0.5 * top / height
             _add_box(spec, place, (CELL / 2.0, CELL / 2.0, top / 2.0), shade=shade)
 
@@ -341,6 +383,82 @@ def add_gap(spec: mujoco.MjSpec, width: float, random: np.random.Generator) -> N
     _add_floor(spec, start + width, LENGTH)
 
 
+def add_stepping(spec: mujoco.MjSpec, gap: float, random: np.random.Generator) -> None:
+    """Go on over square stones of STONE, `gap` apart either way [m], in a pit."""
+    start = AHEAD + float(random.uniform(0.0, EDGE))
+    _end_floor(spec, start)
+    apart = STONE + gap
+    rows, columns = math.ceil(STONES / apart), math.ceil(2.0 / apart)
+    end = start + gap + rows * apart
+    _add_floor(spec, start, end - start).pos[2] -= PIT
+    half = (STONE / 2.0, STONE / 2.0, PIT / 2.0)
+    for row in range(rows):
+        for column in range(-columns, columns + 1):
+            x = start + gap + STONE / 2.0 + row * apart
+            _add_box(spec, (x, column * apart, -PIT / 2.0), half)
+    _add_floor(spec, end, LENGTH)
+
+
+def add_course(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None:
+    """
+    Mix boxes, a step, a gap, a slope and stairs in COURSE metres, in the order of a seed.
+
+    How high, wide and steep each is follows from the seed, too: `COURSE_SPANS`.
+
+    Raises:
+        SimulationError: the seed is no whole number.
+    """
+    if not seed.is_integer():
+        raise SimulationError(f'--world course:{seed:g}: wanted a whole number after the colon')
+    random = np.random.default_rng(int(seed))
+    names = random.permutation(list(COURSE_SPANS)).tolist()
+    sizes = {name: float(random.uniform(*span)) for name, span in COURSE_SPANS.items()}
+    ways = {name: _course_way(name, sizes[name]) for name in names}
+    between = (COURSE - sum(ways.values())) / len(names)
+    x = floor = AHEAD
+    for name in names:
+        size, way = sizes[name], ways[name]
+        if name == 'boxes':
+            _add_boxes(spec, x, way, size, random)
+        elif name == 'slope':
+            _add_ramps(spec, x, math.radians(size))
+        elif name == 'stairs':
+            _add_stairs(spec, x, (size, TREAD, COURSE_TOP), COURSE_STEPS)
+        elif name == 'step':
+            _add_stairs(spec, x, (size, TREAD, COURSE_TOP), 1)
+        else:
+            if floor == AHEAD:
+                _end_floor(spec, AHEAD)
+            if x > floor:
+                _add_floor(spec, floor, x - floor)
+            _add_floor(spec, x, way).pos[2] -= PIT
+            floor = x + way
+        x += way + between
+    _add_floor(spec, floor, AHEAD + COURSE + LENGTH - floor)
+
+
+def _course_way(name: str, size: float) -> float:
+    """Return how long a part of a course is [m]."""
+    if name == 'slope':
+        return 2.0 * COURSE_RAMP * math.cos(math.radians(size)) + COURSE_TOP
+    steps = COURSE_STEPS - 1 if name == 'stairs' else 0
+    ways = {'boxes': COURSE_BOXES, 'gap': size}
+    return ways.get(name, COURSE_TOP + 2.0 * TREAD * steps)
+
+
+def _add_ramps(spec: mujoco.MjSpec, start: float, angle: float) -> None:
+    """Add a ramp up, a landing, and a ramp down, from x = start on; steep as an angle [rad]."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    way, height = COURSE_RAMP * cos, COURSE_RAMP * sin
+    half, thick = COURSE_RAMP / 2.0, 0.05
+    for sign, begin in ((1.0, start), (-1.0, start + way + COURSE_TOP)):
+        middle = begin + way / 2.0 + sign * thick * sin, 0.0, (height / 2.0 - thick * cos)
+        turn = (math.cos(angle / 2.0), 0.0, -sign * math.sin(angle / 2.0), 0.0)
+        _add_box(spec, middle, (half, HALF_WIDTH, thick), turn)
+    top = start + way + COURSE_TOP / 2.0
+    _add_box(spec, (top, 0.0, height / 2.0), (COURSE_TOP / 2.0, HALF_WIDTH, height / 2.0))
+
+
 def _add_floor(spec: mujoco.MjSpec, start: float, length: float) -> mujoco.MjsGeom:
     """Add a piece of floor from x = start on [m], with walls where the floor is cut."""
     half = np.array((length / 2.0, HALF_WIDTH, PIT / 2.0))
@@ -377,16 +495,33 @@ WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {
     'room': _room,
     'office': _office,
 }
-# What builds a terrain, and its least and largest size that make sense: degrees, friction, [m],
-# or a seed.
-Terrain = Callable[[mujoco.MjSpec, float, np.random.Generator], None]
-TERRAINS: dict[str, tuple[Terrain, float, float]] = {
-    'slope': (add_slope, -45.0, 45.0),
-    'stairs': (add_stairs, 0.001, 0.5),
-    'step': (add_step, 0.001, 0.5),
-    'boxes': (add_boxes, 0.001, 0.5),
-    'rough': (add_rough, 0.001, 0.5),
-    'ice': (add_ice, 0.01, 2.0),
-    'gap': (add_gap, 0.001, 1.0),
-    'flat': (add_flat, 0, 999_999),
+
+
+class Span(NamedTuple):
+    """The least and largest size that makes sense, the usual one, and where it is written."""
+
+    least: float
+    most: float
+    usual: float = math.nan
+    after: str = 'colon'
+
+
+class Terrain(NamedTuple):
+    """What builds a terrain of some sizes, as its last argument by a generator; their spans."""
+
+    build: Callable[..., None]
+    spans: tuple[Span, ...]
+
+
+TERRAINS: dict[str, Terrain] = {
+    'slope': Terrain(add_slope, (Span(-45.0, 45.0),)),  # degrees
+    'stairs': Terrain(add_stairs, (Span(0.001, 0.5), Span(0.15, 1.0, TREAD, 'comma'))),
+    'step': Terrain(add_step, (Span(0.001, 0.5),)),
+    'boxes': Terrain(add_boxes, (Span(0.001, 0.5),)),
+    'rough': Terrain(add_rough, (Span(0.001, 0.5),)),
+    'ice': Terrain(add_ice, (Span(0.01, 2.0),)),  # friction
+    'gap': Terrain(add_gap, (Span(0.001, 1.0),)),
+    'stepping': Terrain(add_stepping, (Span(0.01, 0.3),)),
+    'course': Terrain(add_course, (Span(0, 999_999),)),  # a seed
+    'flat': Terrain(add_flat, (Span(0, 999_999),)),  # a seed
 }

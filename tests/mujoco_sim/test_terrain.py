@@ -5,7 +5,18 @@ import math
 
 from descriptions import robot_named
 import mujoco
-from mujoco_sim.scene import AHEAD, STEPS, TREAD
+from mujoco_sim.scene import (
+    AHEAD,
+    COURSE,
+    COURSE_SPANS,
+    EDGE,
+    LANDING,
+    PIT,
+    STEPS,
+    STONE,
+    STONES,
+    TREAD,
+)
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -40,7 +51,7 @@ def height(go2):
 
 
 WORLDS = ['slope:15', 'slope:-15', 'stairs:0.1', 'step:0.08', 'boxes:0.05', 'rough:0.05']
-WORLDS += ['ice:0.2', 'gap:0.1']
+WORLDS += ['ice:0.2', 'gap:0.1', 'stepping:0.1', 'course:1', 'course:2']
 
 
 @pytest.mark.slow
@@ -64,6 +75,57 @@ def test_stairs_rise_by_what_they_say_at_every_tread(height):
         middle = AHEAD + (step + 0.5) * TREAD
         assert height('stairs:0.1', middle) == pytest.approx(0.1 * (step + 1), abs=1e-9)
     assert height('stairs:0.1', AHEAD + STEPS * TREAD + 2.0) == pytest.approx(0.6, abs=1e-9)
+
+
+@pytest.mark.parametrize(('world', 'tread'), [('stairs:0.1', TREAD), ('stairs:0.1,0.25', 0.25)])
+def test_stairs_go_down_again_behind_a_landing_as_they_went_up(height, world, tread):
+    top = AHEAD + (STEPS - 1) * tread
+    middle = top + LANDING / 2.0
+    for way in (0.0, LANDING / 2.0 - 0.01):
+        assert height(world, middle + way) == pytest.approx(0.6, abs=1e-9)
+    for way in np.arange(0.05, middle, 0.0713):
+        assert height(world, middle + way) == pytest.approx(height(world, middle - way), abs=1e-9)
+    for step in range(STEPS):
+        inside = AHEAD + (step + 0.5) * tread
+        assert height(world, inside) == pytest.approx(0.1 * (step + 1), abs=1e-9)
+
+
+def test_stones_lie_as_far_apart_as_they_say_and_are_level_with_the_floor(height):
+    gap = 0.1
+    places = np.arange(AHEAD + EDGE, AHEAD + STONES - EDGE, 0.005)
+    heights = np.array([height('stepping:0.1', x) for x in places])
+    assert set(np.round(heights, 9)) == {0.0, -PIT}
+    share = float((heights == 0.0).mean())
+    assert share == pytest.approx(STONE / (STONE + gap), abs=0.05)
+    across = np.array(
+        [height('stepping:0.1', float(places[heights == 0.0][0]), y) for y in (0.0, 0.175, 0.35)]
+    )
+    np.testing.assert_allclose(across, [0.0, -PIT, 0.0], atol=1e-9)
+    assert height('stepping:0.1', AHEAD + STONES + 2.0 * EDGE) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(5))
+def test_a_course_has_all_its_parts_within_their_spans_and_ends_level(height, seed):
+    places = np.arange(AHEAD - 0.05, AHEAD + COURSE + 1.0, 0.01)
+    heights = np.array([height(f'course:{seed}', x) for x in places])
+    assert heights[0] == heights[-1] == pytest.approx(0.0, abs=1e-9)
+    assert set(heights[places > AHEAD + COURSE]) == {0.0}
+    least, most = COURSE_SPANS['gap']
+    assert least - 0.02 <= 0.01 * (heights < -0.1).sum() <= most + 0.02
+    assert 3 * COURSE_SPANS['stairs'][0] <= heights.max() <= 3 * COURSE_SPANS['stairs'][1] + 1e-9
+    assert (heights >= -PIT - 1e-9).all()
+
+
+@pytest.mark.slow
+def test_courses_of_different_seeds_differ_and_the_run_s_own_seed_changes_none(height):
+    places = np.arange(AHEAD, AHEAD + COURSE, 0.05)
+
+    def profile(name, seed=0):
+        return [height(name, x, seed=seed) for x in places]
+
+    assert profile('course:1') == profile('course:1', seed=3)
+    assert profile('course:1') != profile('course:2')
 
 
 @pytest.mark.slow
@@ -135,10 +197,27 @@ def test_a_robot_let_fall_on_it_stays_on_top(height, world):
         'slope:nan',
         'boxes:0',
         'stairs:-0.1',
+        'stairs:0.1,',
+        'stairs:0.1,0.1',
+        'stairs:,0.3',
+        'stepping:0',
         'step:1',
         'ice:0',
+        'course:-1',
     ],
 )
 def test_a_size_that_is_none_is_said(go2, world):
     with pytest.raises(SimulationError, match=f'--world {world}: wanted a number from'):
         build_world(go2, world)
+
+
+def test_more_numbers_than_a_world_has_are_said(go2):
+    with pytest.raises(SimulationError, match='stairs:0.1,0.3,2: wanted at most 2 numbers'):
+        build_world(go2, 'stairs:0.1,0.3,2')
+    with pytest.raises(SimulationError, match='gap:0.1,0.3: wanted one number'):
+        build_world(go2, 'gap:0.1,0.3')
+
+
+def test_a_course_is_of_a_whole_number(go2):
+    with pytest.raises(SimulationError, match='course:1.5: wanted a whole number'):
+        build_world(go2, 'course:1.5')

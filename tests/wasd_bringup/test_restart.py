@@ -83,8 +83,8 @@ def test_every_kind_of_world_is_offered_and_each_can_be_had():
         name, _, size = world.partition(':')
         assert size or name in PLAIN
         if size:
-            _, least, most = TERRAINS[name]
-            assert least <= float(size) <= most
+            first = TERRAINS[name].spans[0]
+            assert first.least <= float(size) <= first.most
 
 
 def test_a_file_of_the_users_that_is_the_world_is_offered_too():

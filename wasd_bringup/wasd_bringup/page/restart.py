@@ -25,7 +25,7 @@ from wasd_bringup.run.options import RunOptions
 # What the page offers: each world there is, where it is of a size at a moderate one.
 WORLDS = (
     *(*PLAIN, 'flat:1', 'slope:10', 'stairs:0.1', 'step:0.1', 'boxes:0.05', 'rough:0.05'),
-    *('ice:0.2', 'gap:0.15'),
+    *('ice:0.2', 'gap:0.15', 'stepping:0.1', 'course:1'),
 )
 _WITH_VALUE, _ALONE = ('--world', '--port'), ('--no-open',)
 # Set for a run that starts again: its port is the one that it had, not one that a user asks for.
