@@ -35,8 +35,10 @@ PROGRAMS = {
     'wasd mbot': ('wasd_bringup.cli', ('mbot', '--viewer', 'web'), ''),
     'wasd go2': ('wasd_bringup.cli', ('go2', '--viewer', 'web'), ''),
 }
+# Where the page keeps how it was left.
+KEPT = ('home/.config', 'home/.config/wasd', 'home/.config/wasd/cockpit.json')
 SHARED = Path('/dev/shm')
-PATIENCE = 120.0  # for a start or an end [s]; the first compiles
+PATIENCE = 120.0  # for a start or an end [s]; without a cache it compiles
 A_MOMENT = 0.2  # up for so long [s]
 OLD = 3600.0  # age of what was killed long ago [s]
 SET_CHILD_SUBREAPER = 36  # of prctl(2)
@@ -50,7 +52,6 @@ class Cycled(NamedTuple):
     shared: list[str]
     files: list[str]
     children: list[int]
-    first: list[str]  # files that its first start made, and kept
 
 
 def repeat_program(name: str, times: int, turn: int | None = None) -> Cycled:
@@ -62,20 +63,16 @@ def repeat_program(name: str, times: int, turn: int | None = None) -> Cycled:
         watch = Watch()
         try:
             statuses, seen = [], set()
-            kept: list[str] = []
-            for cycle in range(times + 1):
+            bare = workplace.files()
+            for _ in range(times):
                 status, names = _cycle(name, workplace, watch)
                 seen |= names
-                if cycle == 0:
-                    # Caches are kept, once.
-                    kept = workplace.files()
-                else:
-                    statuses.append(status)
-            files = sorted(set(workplace.files()) - set(kept))
+                statuses.append(status)
+            files = sorted(set(workplace.files()) - {*bare, *KEPT})
         finally:
             watch.close()
         shared = abandoned(seen - before)
-        return Cycled(name, statuses, shared, files, children(), kept)
+        return Cycled(name, statuses, shared, files, children())
 
 
 def kill_and_start_again(times: int, turn: int | None = None) -> dict[str, Any]:
@@ -117,10 +114,12 @@ class Workplace:
 
     @property
     def environment(self) -> dict[str, str]:
-        """The environment of the program."""
-        ours = ('ROS_LOG_DIR', 'ROS_HOME', 'XDG_CACHE_HOME')
+        """The environment of the program, whose caches are the user's: compiled once for all."""
+        ours = ('ROS_LOG_DIR', 'ROS_HOME')
         kept = {name: value for name, value in os.environ.items() if name not in ours}
-        return {**kept, 'HOME': str(self.home), 'TMPDIR': str(self.temporary)}
+        caches = os.environ.get('XDG_CACHE_HOME') or str(Path.home() / '.cache')
+        own = {'HOME': str(self.home), 'TMPDIR': str(self.temporary)}
+        return {**kept, 'XDG_CACHE_HOME': caches, **own}
 
     def files(self) -> list[str]:
         """Return everything in it."""

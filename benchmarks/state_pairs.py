@@ -53,11 +53,11 @@ class Tour(NamedTuple):
         return f'{self.source.value} to {begun[-1].value if begun else "nothing yet"}'
 
 
-def tour(source: StateName, how: str, seed: int) -> Tour:
-    """Return the run from a state into all others, standing up between them."""
+def tour(source: StateName, how: str, seed: int, into: Sequence[StateName] = STATES) -> Tour:
+    """Return the run from a state into all others, or some, standing up between them."""
     chance = random.Random(f'{source} {how} {seed}')
     keys, twists, pushes, times, now = [], ['0 0 0 0'], [], {}, 0.2
-    for wanted in (state for state in STATES if state is not source):
+    for wanted in (state for state in into if state is not source):
         for key, wait in _ways_to(source, wanted, chance):
             keys.append(f'{now:.3f} {key}')
             now += wait

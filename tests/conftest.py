@@ -14,6 +14,7 @@ import time
 from typing import Any
 
 import expansions
+from long_files import place_in_line
 import pytest
 
 pytest_plugins = ['hanging']
@@ -60,6 +61,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 def pytest_collection() -> None:
     """Load all tests without looking for garbage, of which that makes next to none."""
     gc.disable()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest: none is left to one worker at the end."""
+    items.sort(key=lambda item: place_in_line(item.path))
 
 
 def pytest_collection_finish() -> None:
