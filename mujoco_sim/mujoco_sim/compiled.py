@@ -134,22 +134,29 @@ class TorqueSpeedCurve:
         self._curve = np.stack((torque, at_rest, at_rest / speed))
         count = len(torque)  # what compiles is loaded before the first step
         self.limits(np.zeros(count))
-        self.note(np.zeros(count), np.zeros(count))
         self.command(np.zeros((5, count)), torque, np.zeros((count, 3))[:, 1:], np.zeros(count))
 
     def limits(self, velocity: np.ndarray) -> np.ndarray:
         """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""
-        limits = np.empty((len(velocity), 2))
-        self.write_limits(velocity, np.arange(len(velocity)), limits)
+        count = len(velocity)
+        limits, none = np.empty((count, 2)), np.zeros(count)
+        self.follow(velocity, np.arange(count), limits, none, none)
         return limits
 
-    def write_limits(self, velocity: np.ndarray, motors: np.ndarray, limits: np.ndarray) -> None:
-        """Write `limits` (n, 2) of those that turn at `velocity[motors]`."""
-        _write_limits(self._curve, velocity, motors, limits)
+    def follow(
+        self,
+        velocity: np.ndarray,
+        motors: np.ndarray,
+        limits: np.ndarray,
+        effort: np.ndarray,
+        peak: np.ndarray,
+    ) -> None:
+        """
+        Write `limits` (n, 2) of motors that turn at `velocity[motors]`.
 
-    def note(self, effort: np.ndarray, peak: np.ndarray) -> None:
-        """Raise `peak` (n,) to the size of `effort` (n,)."""
-        _note(effort, peak)
+        Raise `peak` (n,) to the size of their `effort` (n,).
+        """
+        _follow(self._curve, velocity, motors, limits, effort, peak)
 
     def command(
         self, parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray
@@ -174,16 +181,16 @@ def _command(
 
 
 @jit
-def _note(effort: np.ndarray, peak: np.ndarray) -> None:
-    for i in range(len(peak)):
-        peak[i] = max(peak[i], abs(effort[i]))
-
-
-@jit
-def _write_limits(
-    curve: np.ndarray, velocity: np.ndarray, motors: np.ndarray, limits: np.ndarray
+def _follow(
+    curve: np.ndarray,
+    velocity: np.ndarray,
+    motors: np.ndarray,
+    limits: np.ndarray,
+    effort: np.ndarray,
+    peak: np.ndarray,
 ) -> None:
     for i in range(len(motors)):
+        peak[i] = max(peak[i], abs(effort[i]))
         torque, at_rest = curve[0, i], curve[1, i]
         fall = curve[2, i] * velocity[motors[i]]
         limits[i, 0] = min(max(-at_rest - fall, -torque), 0.0)

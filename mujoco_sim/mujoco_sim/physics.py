@@ -96,12 +96,12 @@ class Physics:
         if not changing:
             mujoco.mj_step(self.model, self.data, count)
             return
+        for robot in changing:
+            robot.begin_steps()
         for _ in range(count):
-            for robot in changing:
-                robot.begin_step()
             mujoco.mj_step(self.model, self.data)
             for robot in changing:
-                robot.note_efforts()
+                robot.end_step()
 
 
 def add_boxes(spec: mujoco.MjSpec, sizes: Sequence[BoxSize]) -> None:

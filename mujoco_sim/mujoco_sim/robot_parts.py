@@ -228,25 +228,34 @@ class Actuation:
         """Whether the motors' limits, or the moment of a push, depend on how the robot moves."""
         return self._curve is not None or any(push.point is not None for _, push in self._pushes)
 
-    def begin_step(self) -> None:
+    def begin_steps(self) -> None:
         """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
         if self._curve is not None:
-            self._curve.write_limits(self._velocities, self._motor_velocity, self._force_range)
+            self._follow(self._curve, np.zeros_like(self._peak_effort))
         if self._pushes:
             self._sum_pushes()
 
-    def note_efforts(self) -> None:
-        """Note the largest efforts."""
+    def end_step(self) -> None:
+        """Note the largest efforts, and do what comes before the next step."""
         if self._curve is not None:
-            self._curve.note(self._effort, self._peak_effort)
+            self._follow(self._curve, self._peak_effort)
         else:
-            np.maximum(self._peak_effort, np.abs(self._effort), out=self._peak_effort)
+            self._note_efforts()
+        if self._pushes:
+            self._sum_pushes()
+
+    def _follow(self, curve: 'TorqueSpeedCurve', peak: np.ndarray) -> None:
+        velocities, motors = self._velocities, self._motor_velocity
+        curve.follow(velocities, motors, self._force_range, self._effort, peak)
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
-        self.note_efforts()
+        self._note_efforts()
         peak, self._peak_effort = self._peak_effort, np.zeros_like(self._peak_effort)
         return peak
+
+    def _note_efforts(self) -> None:
+        np.maximum(self._peak_effort, np.abs(self._effort), out=self._peak_effort)
 
     def apply(self, command: JointCommand, tick: int) -> bool:
         """Put a command in force once it is due; return if it was taken, see `World.apply`."""
