@@ -8,6 +8,7 @@ are presets.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 import math
 from typing import Any
 
@@ -20,6 +21,7 @@ from policy_player.spec import (
     PolicySpec,
     Term,
     term_name,
+    width_of,
 )
 
 # In deploy.yaml an observation is called by its function: this one is not less the default.
@@ -76,20 +78,32 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
         action_offset=default,
         terms=built,
         phase_period=_floats([metadata.get('phase_period', '0')], 'metadata phase_period')[0],
-        ranges=_told_ranges(metadata),
+        action_clip=_told_clip(metadata, count),
+        ranges=_told_pairs(metadata, 'command_ranges', 3),
         assumed=(f'a step of {USUAL_PERIOD:g} s',),
     )
 
 
-def _told_ranges(metadata: Mapping[str, str]) -> tuple[tuple[float, float], ...] | None:
-    """Return the ranges of the command, as our own files tell them: low;high of each."""
-    if 'command_ranges' not in metadata:
+def _told_pairs(
+    metadata: Mapping[str, str], key: str, count: int
+) -> tuple[tuple[float, float], ...] | None:
+    """Return what our own files tell as low;high of each; None where they do not."""
+    if key not in metadata:
         return None
-    pairs = [part.split(';') for part in metadata['command_ranges'].split(',')]
-    if len(pairs) != 3 or any(len(pair) != 2 for pair in pairs):
-        raise PolicyError('metadata command_ranges: wanted 3 pairs low;high')
-    found = [_floats(pair, 'metadata command_ranges') for pair in pairs]
+    pairs = [part.split(';') for part in metadata[key].split(',')]
+    if len(pairs) != count or any(len(pair) != 2 for pair in pairs):
+        raise PolicyError(f'metadata {key}: wanted {count} pairs low;high')
+    found = [_floats(pair, f'metadata {key}') for pair in pairs]
     return tuple((low, high) for low, high in found)
+
+
+def _told_clip(metadata: Mapping[str, str], count: int) -> tuple[Numbers, Numbers]:
+    pairs = _told_pairs(metadata, 'action_clip', count)
+    if pairs is None or set(pairs) == {_FREE}:
+        return _ALL_FREE
+    if not all(low < high for low, high in pairs):
+        raise PolicyError('metadata action_clip: wanted low < high')
+    return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
 
 
 def _floats(words: list[str], name: str) -> list[float]:
@@ -198,7 +212,7 @@ def _deployed_term(name: str, said: Any, count: int, scales_first: bool) -> Term
         said = {}
     if not isinstance(said, dict):
         raise PolicyError(f'{where}: wanted scale, clip and history_length, got {str(said)[:40]}')
-    width = count if called.startswith(('joint', 'last')) else 3
+    width = width_of(called, count)
     scale, clip = said.get('scale'), said.get('clip')
     length = said.get('history_length', 1)
     if not isinstance(length, int) or not 0 <= length <= 200:
@@ -445,6 +459,13 @@ def legged_gym() -> PolicySpec:
     )
 
 
+def legged_gym_rough() -> PolicySpec:
+    """Return what legged_gym is trained with on rough terrain: 187 heights beside the 48."""
+    flat = legged_gym()
+    heights = Term(name='height_scan_by_row', scale=(5.0,), clip=(-1.0, 1.0))
+    return replace(flat, source='the preset legged_gym_rough', terms=(*flat.terms, heights))
+
+
 def playground() -> PolicySpec:
     """Return what MuJoCo Playground's joystick tasks are trained with: 48 numbers, 50 Hz."""
     default = (0.1, 0.9, -1.8, -0.1, 0.9, -1.8) * 2
@@ -470,6 +491,7 @@ def playground() -> PolicySpec:
 
 PRESETS: dict[str, Callable[[], PolicySpec]] = {
     'legged_gym': legged_gym,
+    'legged_gym_rough': legged_gym_rough,
     'playground': playground,
 }
 

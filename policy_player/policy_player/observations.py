@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a network is shown: terms, clipped and scaled, with their past."""
 
-from collections import deque
 import math
 
 import numpy as np
 from wasd_core.robot_io import Senses
 
-from policy_player.spec import PolicySpec
+from policy_player.spec import PolicySpec, SCAN_ROWS
 
 
 def gravity_in_base(orientation: np.ndarray) -> np.ndarray:
@@ -16,35 +15,39 @@ def gravity_in_base(orientation: np.ndarray) -> np.ndarray:
     return np.array((2.0 * (w * y - x * z), -2.0 * (w * x + y * z), 2.0 * (x * x + y * y) - 1.0))
 
 
-def _within(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Clip values; numpy's own `clip` takes ten times as long for a few numbers."""
-    if low == -math.inf and high == math.inf:
-        return values
-    return np.asarray(np.minimum(np.maximum(values, low), high))
-
-
 class Observer:
     """
     Makes the observation of a `PolicySpec`.
 
-    State: the past of each term, and how many steps there were. `step` takes an instant and
-    returns all that is shown.
+    State: what was shown in the last instants, and how many steps there were. `step` takes an
+    instant and returns all that is shown.
     """
 
     def __init__(self, spec: PolicySpec) -> None:
         self.spec = spec
         self._default = np.array(spec.default_position)
-        self._scales = [np.array(term.scale) for term in spec.terms]
-        self._past: list[deque[np.ndarray]] = []
+        self._scale, self._low, self._high = _scaling(spec)
+        self._depth = 1 + max(age for term in spec.terms for age in term.ages)
+        self._order = _order(spec)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
         self._steps = 0
-        self._past = [deque(maxlen=max(term.ages) + 1) for term in self.spec.terms]
+        self._past: np.ndarray | None = None  # the latest instant first
 
-    def step(self, senses: Senses, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
-        """Return the observation (width,) float32; `command` is (3,)."""
+    def step(
+        self,
+        senses: Senses,
+        command: np.ndarray,
+        last_action: np.ndarray,
+        heights: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """
+        Return the observation (width,) float32; `command` is (3,).
+
+        `heights` (187,) are those of a height scan [m], where one is shown.
+        """
         spec = self.spec
         turn = 2.0 * math.pi * self._steps * spec.period / (spec.phase_period or 1.0)
         self._steps += 1
@@ -55,26 +58,48 @@ class Observer:
             'command': command,
             'joint_position': senses.joint_position - self._default,
             'joint_velocity': senses.joint_velocity,
-            'phase': np.array((math.sin(turn), math.cos(turn))),
+            'phase': (math.sin(turn), math.cos(turn)),
             'last_action': last_action,
         }
-        for term, scale, past in zip(spec.terms, self._scales, self._past, strict=True):
-            value = known[term.name]
-            if term.scales_first:
-                value = _within(scale * value, *term.clip)
-            else:
-                value = scale * _within(value, *term.clip)
-            value = _within(value, -spec.observation_clip, spec.observation_clip)
-            if not past:
-                first = np.zeros_like(value) if spec.begins_with_zeros else value
-                past.extend([first] * (past.maxlen or 1))
-            past.append(value)
-        terms = [
-            [past[-1 - age] for age in term.ages]
-            for term, past in zip(spec.terms, self._past, strict=True)
-        ]
-        if spec.by_time:
-            parts = [part for instant in zip(*terms, strict=True) for part in instant]
-        else:
-            parts = [part for ages in terms for part in ages]
-        return np.concatenate(parts).astype(np.float32)
+        if heights is not None:
+            known['height_scan'] = heights
+            known['height_scan_by_row'] = heights.reshape(SCAN_ROWS, -1).T.ravel()
+        told = self._scale * np.concatenate([known[term.name] for term in spec.terms])
+        now = np.minimum(np.maximum(told, self._low), self._high)
+        if self._past is None:
+            first = np.zeros_like(now) if spec.begins_with_zeros else now
+            self._past = np.tile(first, (self._depth, 1))
+        self._past[1:] = self._past[:-1]
+        self._past[0] = now
+        return np.asarray(self._past.ravel()[self._order], np.float32)
+
+
+def _scaling(spec: PolicySpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the scales of an instant's numbers, (n,), and what the scaled ones are within."""
+    scales, lows, highs = [], [], []
+    for term in spec.terms:
+        scale = np.broadcast_to(np.array(term.scale), spec.width_of(term))
+        ends = np.broadcast_to(np.array(term.clip)[:, None], (2, len(scale)))
+        if not term.scales_first:  # a clip before the scale is another one after it
+            with np.errstate(invalid='ignore'):
+                ends = np.where(np.isinf(ends), ends, ends * np.abs(scale))
+            ends = np.where(scale < 0.0, -ends[::-1], ends)
+        most = spec.observation_clip
+        low, high = np.minimum(np.maximum(ends, -most), most)
+        scales.append(scale)
+        lows.append(low)
+        highs.append(high)
+    return np.concatenate(scales), np.concatenate(lows), np.concatenate(highs)
+
+
+def _order(spec: PolicySpec) -> np.ndarray:
+    """Return where in the past, the latest instant first, each number of an observation is."""
+    widths = [spec.width_of(term) for term in spec.terms]
+    begins = np.cumsum([0, *widths])
+    parts = [
+        [begin + age * begins[-1] + np.arange(width) for age in term.ages]
+        for term, begin, width in zip(spec.terms, begins[:-1], widths, strict=True)
+    ]
+    if spec.by_time:
+        return np.concatenate([part for instant in zip(*parts, strict=True) for part in instant])
+    return np.concatenate([part for ages in parts for part in ages])

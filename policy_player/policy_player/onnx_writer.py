@@ -19,6 +19,7 @@ _CALLED = {
     'joint_velocity': 'joint_vel',
     'last_action': 'actions',
     'phase': 'phase',
+    'height_scan': 'height_scan',
 }
 # Versions of the format and of its operators.
 _VERSION, _OPERATORS = 8, 17
@@ -48,12 +49,13 @@ def write_layers(
 
 
 def metadata_of(spec: PolicySpec) -> dict[str, str]:
-    """Return what `from_metadata` reads; actions and targets without clips."""
+    """Return what `from_metadata` reads; targets without clips."""
 
     def listed(values: Sequence[object]) -> str:
         return ','.join(map(str, values))
 
     ranges = spec.ranges or ((-math.inf, math.inf),) * 3
+    ends = [np.broadcast_to(end, len(spec.joints)).tolist() for end in spec.action_clip]
     return {
         'joint_names': listed(spec.joints),
         'joint_stiffness': listed(spec.stiffness),
@@ -67,6 +69,7 @@ def metadata_of(spec: PolicySpec) -> dict[str, str]:
         'observation_terms_history_length': listed([len(term.ages) for term in spec.terms]),
         'phase_period': str(spec.phase_period),
         'command_ranges': listed([f'{low};{high}' for low, high in ranges]),
+        'action_clip': listed([f'{low};{high}' for low, high in zip(*ends, strict=True)]),
     }
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plays a policy: senses and a command in, joint targets and gains out, without ROS or a clock."""
 
+from collections.abc import Callable
 import math
 
 import numpy as np
@@ -26,6 +27,8 @@ class Player:
         self.policy, self.spec = policy, policy.spec
         self.joints, self.ranges = policy.spec.joints, policy.spec.ranges
         self._observer = Observer(policy.spec)
+        # Tells the height scan of now, (187,) [m], to a network that is shown one.
+        self.heights: Callable[[], np.ndarray | None] = lambda: None
         spec = policy.spec
         self.default = np.array(spec.default_position)
         self._scale, self._offset = np.array(spec.action_scale), np.array(spec.action_offset)
@@ -55,7 +58,11 @@ class Player:
         # After a step that came a whole period late, the time counts from now.
         late = self._wait if self._wait > -self.spec.period else 0.0
         self._wait = late + self.spec.period
-        self.observation = self._observer.step(senses, command, self.action)
+        heights = self.heights() if self.spec.has_height_scan else None
+        if self.spec.has_height_scan and heights is None:
+            self.failure = 'nothing tells the heights around the robot'
+            return self._targets
+        self.observation = self._observer.step(senses, command, self.action, heights)
         try:
             action = self.policy.network(self.observation).astype(float)
         except Exception as error:  # what a library raises in the middle of a run

@@ -18,7 +18,12 @@ WIDTHS = {
     'joint_velocity': 0,  # [rad/s]
     'phase': 2,  # sine and cosine of a clock that begins with the policy
     'last_action': 0,  # what the network said last, within its clip
+    # How far the base is above the ground, less 0.5 m, at 17 x 11 places 0.1 m apart that turn
+    # with its yaw, x fastest; or y fastest.
+    'height_scan': 187,
+    'height_scan_by_row': 187,
 }
+SCAN_ROWS = 11  # of a height scan, along x
 # What training frameworks call them.
 NAMES = {
     'base_lin_vel': 'linear_velocity',
@@ -40,6 +45,8 @@ NAMES = {
     'phase': 'phase',
     'last_action': 'last_action',
     'actions': 'last_action',
+    'height_scan': 'height_scan',
+    'height_scanner': 'height_scan',
 }
 # The order of a robot's motors in its maker's interface, by how many there are: it is not written
 # in deploy.yaml. Of a Go2 it begins with the right front leg.
@@ -169,7 +176,12 @@ class PolicySpec:
 
     def width_of(self, term: Term) -> int:
         """Return how many numbers a term has at one time."""
-        return WIDTHS[term.name] or len(self.joints)
+        return width_of(term.name, len(self.joints))
+
+    @property
+    def has_height_scan(self) -> bool:
+        """Whether the network is shown the heights around the robot."""
+        return any(term.name.startswith('height_scan') for term in self.terms)
 
     @property
     def width(self) -> int:
@@ -208,6 +220,11 @@ class PolicySpec:
             if name not in known and self.width + (width or len(self.joints)) == takes:
                 return f': without {name}?'
         return ''
+
+
+def width_of(name: str, joints: int) -> int:
+    """Return how many numbers a term has at one time, of a robot of so many joints."""
+    return WIDTHS[name] or joints
 
 
 def term_name(called: str, names: Mapping[str, str] = NAMES) -> str:

@@ -20,13 +20,14 @@ from policy_files import (
     torchscript,
     write,
 )
-from policy_player.formats import from_rl_gym
+from policy_player.formats import from_rl_gym, PRESETS
 from policy_player.observations import Observer
 from policy_player.onnx_writer import write_layers
 from policy_player.player import Player
 from policy_player.policy_file import read_policy
 from policy_player.spec import MOTOR_ORDER, PolicyError, PolicySpec, Term
 import pytest
+from quadruped_sim.height_scan import COLUMNS, ROWS
 from wasd_core.robot_io import Senses
 
 pytest.importorskip('onnxruntime')
@@ -456,3 +457,80 @@ def test_the_clock_of_the_phase_begins_with_the_policy():
         angles = 2 * np.pi * 0.02 / 0.4 * np.arange(21)
         np.testing.assert_allclose(seen, np.c_[np.sin(angles), np.cos(angles)], atol=1e-6)
         observer.reset()
+
+
+@pytest.mark.parametrize(('name', 'turns'), [('height_scan', False), ('height_scan_by_row', True)])
+def test_heights_are_shown_x_or_y_fastest_clipped_before_the_scale(name, turns):
+    spec = replace(
+        PRESETS['legged_gym'](), terms=(Term(name=name, scale=(5.0,), clip=(-1.0, 1.0)),)
+    )
+    senses = Senses(np.array((1.0, 0, 0, 0)), *np.zeros((2, 3)), *np.zeros((2, 12)))
+    heights = np.linspace(-2.0, 2.0, COLUMNS * ROWS)
+    assert spec.width == COLUMNS * ROWS
+    seen = Observer(spec).step(senses, np.zeros(3), np.zeros(12), heights)
+    wanted = 5.0 * np.clip(heights, -1.0, 1.0)
+    if turns:
+        wanted = np.array(
+            [wanted[row * COLUMNS + column] for column in range(COLUMNS) for row in range(ROWS)]
+        )
+    np.testing.assert_allclose(seen, wanted, atol=1e-6)
+
+
+def test_clips_scales_and_pasts_of_any_kind_are_as_their_words_say():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        spec = replace(
+            PRESETS['legged_gym'](),
+            observation_clip=float(rng.choice((0.4, np.inf))),
+            by_time=bool(rng.integers(2)),
+            begins_with_zeros=bool(rng.integers(2)),
+            terms=tuple(
+                Term(
+                    name=str(term),
+                    scale=tuple(rng.normal(size=3 if rng.integers(2) else 1)),
+                    clip=tuple(np.sort(rng.normal(size=2)))
+                    if rng.integers(2)
+                    else (-np.inf, np.inf),
+                    scales_first=bool(rng.integers(2)),
+                    ages=(2, 0, 1),
+                )
+                for term in rng.permutation(['angular_velocity', 'linear_velocity', 'command'])
+            ),
+        )
+        observer, past = Observer(spec), []
+        for _ in range(4):
+            told = dict(
+                zip(
+                    ('angular_velocity', 'linear_velocity', 'command'),
+                    rng.normal(size=(3, 3)),
+                    strict=True,
+                )
+            )
+            senses = Senses(
+                np.array((1.0, 0, 0, 0)),
+                told['angular_velocity'],
+                told['linear_velocity'],
+                *np.zeros((2, 12)),
+            )
+            seen = observer.step(senses, told['command'], np.zeros(12))
+            now = [by_hand(term, told[term.name], spec.observation_clip) for term in spec.terms]
+            past = [
+                now,
+                *(past or [[np.zeros(3) if spec.begins_with_zeros else part for part in now]] * 2),
+            ]
+            shown = [[past[age][at] for age in term.ages] for at, term in enumerate(spec.terms)]
+            ordered = zip(*shown, strict=True) if spec.by_time else shown
+            np.testing.assert_allclose(
+                seen, np.concatenate([part for parts in ordered for part in parts]), atol=1e-6
+            )
+            past = past[:3]
+
+
+def by_hand(term, value, most):
+    """Return a term's numbers of an instant, one step after the other."""
+    if not term.scales_first:
+        value = np.clip(value, *term.clip)
+    value = np.array(term.scale) * value
+    if term.scales_first:
+        value = np.clip(value, *term.clip)
+    return np.clip(value, -most, most)

@@ -55,7 +55,10 @@ def policy(tmp_path):
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        ({'observations': {'height_scan': None}}, "'height_scan': this robot does not tell it"),
+        (
+            {'observations': {'motion_anchor': None}},
+            "'motion_anchor': this robot does not tell it",
+        ),
         ({'observations': {'joint_pos': None}}, 'observations.joint_pos: in doubt'),
         ({'observations': {'base_ang_vel': {'scale': [1, 2]}}}, 'base_ang_vel.scale: got 2'),
         ({'observations': {'base_ang_vel': {'history_length': -1}}}, 'history_length: got -1'),
@@ -126,7 +129,7 @@ def test_a_missing_history_and_another_width_are_told_by_their_terms(tmp_path):
 
 def test_who_is_told_nothing_is_told_what_to_give(policy):
     assert '--policy-config FILE' in refusal(policy)
-    assert 'legged_gym, playground' in refusal(policy)
+    assert 'legged_gym, legged_gym_rough, playground' in refusal(policy)
 
 
 def test_a_tag_of_python_is_never_run(tmp_path, policy):

@@ -3,12 +3,14 @@
 
 import warnings
 
+import mujoco
+from mujoco_sim.scene import AHEAD, EDGE
 import numpy as np
 import pytest
 
 gymnasium = pytest.importorskip('gymnasium')
 from gymnasium.utils.env_checker import check_env  # noqa: E402
-from wasd.environment import NAME, SPEC  # noqa: E402
+from wasd.environment import NAME, SPEC, WITH_HEIGHTS  # noqa: E402
 from wasd_core.errors import UserError  # noqa: E402
 
 pytestmark = pytest.mark.slow
@@ -79,6 +81,23 @@ def test_robots_differ_by_episode_as_much_as_is_asked():
         env.reset(seed=seed)
         masses.append(float(env.unwrapped._world.model.body_mass.sum()))
     assert masses[0] == masses[2] != masses[1]
+
+
+def test_the_true_heights_ahead_of_stairs_follow_what_else_is_shown():
+    env = gymnasium.make(NAME, world='step:0.1', heights=True)
+    observation, _ = env.reset(seed=1)
+    assert observation.shape == (WITH_HEIGHTS.width,) == (45 + 187,)
+    world = env.unwrapped._world
+    here = AHEAD + EDGE - 0.55  # where the step is, is at random
+    world.data.qpos[world.parts.pose][:2] = here, 0.0
+    mujoco.mj_forward(world.model, world.data)
+    observation, *_ = env.step(np.zeros(12))
+    base = world.base().position
+    x = base[0] + np.linspace(-0.8, 0.8, 17)
+    shown = observation[45:].reshape(11, 17)  # x is fastest
+    np.testing.assert_allclose(shown[:, x < AHEAD - 0.02], base[2] - 0.5, atol=0.01)
+    np.testing.assert_allclose(shown[:, x > AHEAD + EDGE + 0.02], base[2] - 0.6, atol=0.01)
+    assert (x > AHEAD + EDGE + 0.02).any()
 
 
 def test_a_wrong_argument_is_said_in_a_line():

@@ -11,6 +11,7 @@ The Go2 as a Gymnasium environment, for those who train; needs the extra `gym`.
 """
 
 from dataclasses import replace
+from functools import partial
 import math
 from typing import Any
 
@@ -19,10 +20,12 @@ from mujoco_sim.parameters import Untold
 from mujoco_sim.robot_setup import randomise as draw
 from mujoco_sim.robot_setup import RobotSetup, usual_setup
 from mujoco_sim.sensors.camera import Frustum, Offscreen
+from mujoco_sim.sensors.heights import true_heights
 from mujoco_sim.world import build_world, FALL_TILT, World
 import numpy as np
 from policy_player.observations import Observer
 from policy_player.spec import PolicySpec, Term
+from quadruped_sim.height_scan import height_scan
 from robot_description.description import Description, load_robot
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseState, JointCommand, Senses
@@ -48,9 +51,12 @@ SPEC = PolicySpec(
         Term(name='joint_velocity', scale=(0.05,)),
         Term(name='last_action'),
     ),
+    action_clip=((-1.0,) * 12, (1.0,) * 12),
     observation_clip=100.0,
     ranges=((-0.5, 1.0), (-0.3, 0.3), (-1.0, 1.0)),
 )
+# The same with the heights around the robot.
+WITH_HEIGHTS = replace(SPEC, terms=(*SPEC.terms, Term(name='height_scan', clip=(-1.0, 1.0))))
 # The base above the floor as it begins, and so low it has fallen [m].
 START_HEIGHT, LOW = 0.29, 0.14
 # Episodes end after so many steps: 20 s.
@@ -71,6 +77,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
     limits and delay. The reward is 1 for what is asked, less with the error of velocity, effort,
     jerk and tilt. An episode ends with a fall. `info['truth']` is the base as physics knows it.
 
+    With `heights` the observation ends with the true heights around it, as `WITH_HEIGHTS` says.
     `world` is as in `wasd.Go2`. `randomise` from 0 to 1 is how much each episode's robot differs
     at random. `noise` False makes sensors tell the truth. `command` (3,) holds in every episode;
     without one it is drawn.
@@ -87,6 +94,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         *,
         randomise: float = 0.0,
         noise: bool = True,
+        heights: bool = False,
         command: tuple[float, float, float] | None = None,
         render_mode: str | None = None,
     ) -> None:
@@ -96,10 +104,13 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         self._world_name, self._noise, self._level = world, noise, randomise
         self._given = None if command is None else np.array(command, float)
         self._loaded: Description = load_robot('go2')
-        self._observer = Observer(SPEC)
+        self.policy = WITH_HEIGHTS if heights else SPEC
+        self._observer = Observer(self.policy)
         self._low, self._high = np.array(SPEC.ranges).T
         most = SPEC.observation_clip
-        self.observation_space = gymnasium.spaces.Box(-most, most, (SPEC.width,), np.float32)
+        self.observation_space = gymnasium.spaces.Box(
+            -most, most, (self.policy.width,), np.float32
+        )
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (12,), np.float32)
         self._build(0)
         self._picture: Offscreen | None = None
@@ -173,7 +184,16 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         assert imu is not None  # a Go2 has one
         position, velocity = (part[self._joints] for part in joints[:2])
         senses = Senses(imu.orientation, imu.angular_velocity, self._zeros[:3], position, velocity)
-        return self._observer.step(senses, self._command, self._action)
+        return self._observer.step(senses, self._command, self._action, self._heights())
+
+    def _heights(self) -> np.ndarray | None:
+        """Return the true height scan [m], as low as it may be where nothing is below."""
+        if not self.policy.has_height_scan:
+            return None
+        base = self._world.base()
+        heights = partial(true_heights, self._world)
+        seen = height_scan(heights, base.position, float(base.rpy[2]))
+        return np.where(np.isnan(seen), 1.0, seen)
 
     def _height(self, truth: BaseState) -> float:
         """Return the height of the base over the lowest foot [m], about."""
