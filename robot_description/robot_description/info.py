@@ -107,7 +107,7 @@ def _joint_record(joint: Joint) -> dict[str, Any]:
         'lower': joint.lower if math.isfinite(joint.lower) else None,
         'upper': joint.upper if math.isfinite(joint.upper) else None,
         'effort': joint.effort if joint.has_effort else None,
-        'velocity': joint.velocity,
+        'velocity': joint.velocity if joint.has_velocity else None,
         'mimics': joint.mimics or None,
     }
 
@@ -224,7 +224,7 @@ def _joints(joints: Iterable[Joint]) -> Table:
             _limit(joint.lower, unit),
             _limit(joint.upper, unit),
             f'{joint.effort:g} {force}' if joint.has_effort else '-',
-            f'{joint.velocity:g} {unit}/s',
+            f'{joint.velocity:g} {unit}/s' if joint.has_velocity else '-',
         )
     return table
 

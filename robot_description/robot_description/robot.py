@@ -87,7 +87,8 @@ class Joint:
     Positions are in [rad] or [m], effort in [N m] or [N], velocity in [rad/s] or [m/s]; without
     limits `lower` and `upper` are infinite. Viscous `damping` is in [N m s/rad] or [N s/m], dry
     `friction` in [N m] or [N]. `mimics` names the joint that it follows, if any, at
-    `multiplier * position + offset`. `has_effort` is whether the description names an effort.
+    `multiplier * position + offset`. `has_effort` and `has_velocity` are whether the description
+    names these limits.
     """
 
     name: str
@@ -106,6 +107,7 @@ class Joint:
     multiplier: float
     offset: float
     has_effort: bool = True
+    has_velocity: bool = True
 
     @property
     def is_movable(self) -> bool:

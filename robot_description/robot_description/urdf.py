@@ -300,6 +300,7 @@ def _joint(tag: ElementTree.Element) -> Joint:
         multiplier=_number(mimic, 'multiplier', '1', where),
         offset=_number(mimic, 'offset', '0', where),
         has_effort=limit is not None and 'effort' in limit.attrib,
+        has_velocity=limit is not None and 'velocity' in limit.attrib,
     )
 
 

@@ -121,6 +121,7 @@ def test_a_robot_without_masses_can_be_checked(capsys, tmp_path):
     )
     record = info(capsys, path, '--check')
     assert record['mass'] == 0.0
+    assert (record['joints'][0]['effort'], record['joints'][0]['velocity']) == (None, None)
     assert all(row['distance'] < 1e-6 for row in record['kinematics'])
 
 

@@ -92,3 +92,16 @@ def test_a_drives_file_is_read_once(
     assert main([*words.split(), '--viewer', 'none', '--duration', '0.5']) == 0
     assert json.loads(report.read_text())['samples']['command'][-1][0] == 0.2
     assert read == [str(file)]
+
+
+def test_describe_tells_of_robots_too_and_a_file_is_no_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['describe', 'info', 'mbot']) == 0
+    assert 'diff-drive' in capsys.readouterr().out
+    assert main(['dog.urdf']) == 2
+    said = capsys.readouterr().err
+    for words in ('go2', 'mbot'):
+        assert f' {words} --description dog.urdf' in said
+    assert 'describe info dog.urdf' in said
+    assert len(said.splitlines()) == 1

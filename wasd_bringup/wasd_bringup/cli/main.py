@@ -38,6 +38,8 @@ WORKERS = (
     *('-n', 'auto', '--maxprocesses', '6', '--dist', 'loadfile', '--no-loadscope-reorder'),
     '--max-worker-restart=0',  # who replaces one would begin with the test that ended it
 )
+# How a file that describes a robot ends.
+DESCRIPTIONS = ('.urdf', '.xacro', '.xml', '.sdf')
 LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
 
 
@@ -77,7 +79,10 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add_calibrate_options(calibrate)
     describe = commands.add_parser(
-        'describe', help='policy FILE: what a network says, and how it walks', allow_abbrev=False
+        'describe',
+        help='policy FILE: what a network says, and how it walks; info FILE, lint FILE: a robot',
+        epilog="info, lint, fix and expand tell of a robot's file, as the program describe does.",
+        allow_abbrev=False,
     )
     add_describe_options(describe)
     replay = commands.add_parser(
@@ -139,6 +144,16 @@ def print_keys(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _no_command(file: str) -> str:
+    """Return what to say of a robot's file in a command's place."""
+    name = called()
+    return (
+        f'{file} is a file, wanted a command: {name} go2 --description {file} walks it on four '
+        f'legs, {name} mbot --description {file} drives it on two wheels, '
+        f'{name} describe info {file} says what it is'
+    )
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
@@ -147,7 +162,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if words and words[0] in CLONE_COMMANDS:
             return CLONE_COMMANDS[words[0]](words[1:])
+        if words[:1] == ['describe'] and words[1:2] not in ([], ['policy'], ['-h'], ['--help']):
+            from robot_description import describe_command
+
+            return describe_command.main(words[1:])
         words, ros_arguments = split_ros_arguments(words)
+        if words and Path(words[0]).suffix in DESCRIPTIONS:
+            raise UserError(_no_command(words[0]))
         if not words:
             print('\n'.join(first_words()))
             return 0
