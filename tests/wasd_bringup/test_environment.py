@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Gymnasium environment: the API's own check, equal bits, what it shows and rewards."""
 
+from dataclasses import replace
+from pathlib import Path
+import subprocess
+import sys
 import warnings
 
 import mujoco
 from mujoco_sim.scene import AHEAD, EDGE
 import numpy as np
+from policy_player.onnx_writer import write_layers
+from policy_player.policy_file import read_policy
 import pytest
+import wasd
 
 gymnasium = pytest.importorskip('gymnasium')
 from gymnasium.utils.env_checker import check_env  # noqa: E402
@@ -14,6 +21,7 @@ from wasd.environment import NAME, SPEC, WITH_HEIGHTS  # noqa: E402
 from wasd_core.errors import UserError  # noqa: E402
 
 pytestmark = pytest.mark.slow
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope='module')
@@ -103,3 +111,24 @@ def test_the_true_heights_ahead_of_stairs_follow_what_else_is_shown():
 def test_a_wrong_argument_is_said_in_a_line():
     with pytest.raises(UserError, match='render_mode'):
         gymnasium.make(NAME, render_mode='ansi', disable_env_checker=True)
+
+
+def test_a_network_of_the_environment_is_written_and_read_as_it_was_trained(tmp_path):
+    write_layers(tmp_path / 'a.onnx', SPEC, [(np.zeros((12, SPEC.width)), np.zeros(12))])
+    spec = read_policy(tmp_path / 'a.onnx').spec
+    assert replace(spec, source=NAME, assumed=(), observation_clip=100.0) == SPEC
+
+
+def test_what_the_documented_script_learns_is_played_as_it_was_trained(tmp_path):
+    pytest.importorskip('stable_baselines3')
+    file = tmp_path / 'learned.onnx'
+    command = [sys.executable, ROOT / 'docs/examples/train_ppo.py', '4096', file]
+    subprocess.run(command, check=True, capture_output=True)
+    spec = read_policy(file).spec
+    assert replace(spec, source=NAME, assumed=(), observation_clip=100.0) == SPEC
+    dog = wasd.Go2(policy=file)
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('p')
+    dog.run(3.0)
+    assert dog.state == 'policy'
