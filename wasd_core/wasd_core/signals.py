@@ -7,10 +7,11 @@ import contextlib
 import gc
 import os
 import signal
+import sys
 import threading
 import time
 from types import FrameType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NoReturn, Self
 
 # Faults of the process itself: no handler of Python's would ever get to run.
 FAULTS = (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
@@ -128,6 +129,20 @@ def stop_requested() -> bool:
 
 def _status(number: int | None) -> int:
     return 0 if number in (None, signal.SIGINT) else 128 + number
+
+
+def leave(status: int) -> NoReturn:
+    """
+    End this process, whose work is done and closed, with an exit status.
+
+    Fast DDS sleeps for 0.1 s among the destructors of a usual way out, and Python looks through
+    all that it has.
+    """
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status)
 
 
 def last_status(stop: StopSignals) -> int:

@@ -17,7 +17,7 @@ from typing import Protocol, TextIO
 from teleop_keyboard.key_reader import KeyReader, open_key_reader
 from teleop_keyboard.terminal import NoTerminal
 from wasd_core.errors import attempt_all, Stopped, UserError
-from wasd_core.signals import last_status, StopSignals
+from wasd_core.signals import last_status, leave, StopSignals
 from wasd_core.streams import never_wait
 
 from wasd_bringup.cli.options import read_options
@@ -69,7 +69,10 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     print(command.summary(), file=_where_to_say(options))
     if command.next_words:
         become(command.next_words, environment)
-    return last_status(stop)
+    status = last_status(stop)
+    if stop.number is not None:
+        leave(status)
+    return status
 
 
 class Home(Protocol):
