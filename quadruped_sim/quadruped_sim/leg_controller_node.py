@@ -45,7 +45,7 @@ from quadruped_sim.controller_file import read_leg_file
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.elevation_publisher import CloudInput, ElevationPublisher
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.legs import Legs
+from quadruped_sim.legs import Legs, load_policy
 from quadruped_sim.parameters import leg_controller, LegNodeParameters
 from quadruped_sim.readings import Readings
 
@@ -82,7 +82,8 @@ class LegControllerNode(Node):
         )
         description = None if legs else load_robot(settings.description)
         if description is not None:
-            legs = Legs(description, inform=self.get_logger().info)
+            walker = load_policy(settings.policy, settings.policy_config)
+            legs = Legs(description, inform=self.get_logger().info, walker=walker)
         assert legs is not None
         self.legs = legs
         self.legs.configure(settings)

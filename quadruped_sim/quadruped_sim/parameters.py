@@ -96,6 +96,16 @@ class LegNodeParameters(LegControllerParameters):
         doc='YAML file with parameters: a plain table or a ROS 2 parameter file',
         read_only=True,
     )
+    policy: str = parameter(
+        '',
+        doc="Network that walks (2, then p): an ONNX or TorchScript file, or ours; '' is none",
+        read_only=True,
+    )
+    policy_config: str = parameter(
+        '',
+        doc='File or preset that says how the network was trained, where it does not itself',
+        read_only=True,
+    )
     update_rate: float = parameter(
         LEG_RATE,
         doc='Rate of the controller in lock-step; alone it steps at each state, and moves nothing '

@@ -25,6 +25,7 @@ BELOW = {
     'wasd_core': set(),
     'robot_description': {'wasd_core'},
     'teleop_keyboard': {'wasd_core'},
+    'quadruped_sim': {'policy_player', 'robot_description', 'wasd_core'},
     'unitree_bridge': {'mujoco_sim', 'quadruped_sim', 'robot_description', 'wasd_core'},
     'wasd_cockpit': {'mujoco_sim', 'wasd_core'},
     'wasd_navigation': {'wasd_core'},

@@ -11,7 +11,7 @@ import numpy as np
 from quadruped_sim.controller_file import read_leg_file
 from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
 from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.legs import Legs
+from quadruped_sim.legs import Legs, load_policy
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.presets import LIMITS
 from robot_description.description import Description
@@ -61,8 +61,9 @@ class Go2(Robot):
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
         super().__init__(options, loaded, world, simulation)
-        walker = load_walker(options)
-        self.legs = Legs(loaded, leg_settings(self.given), self.log.info, walker)
+        settings = leg_settings(self.given)
+        walker = load_walker(options) or load_policy(settings.policy, settings.policy_config)
+        self.legs = Legs(loaded, settings, self.log.info, walker)
         quadruped = self.legs.model.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self.legs.model.scale.of('m')
@@ -84,6 +85,9 @@ class Go2(Robot):
         options, world = self.options, self.world
         names = ('description', 'estimator', 'limits', 'gait', 'controller')
         given = {name: str(value) for name in names if (value := getattr(options, name))}
+        for name in ('policy', 'policy_config'):
+            if isinstance(value := getattr(options, name), str):
+                given[name] = value
         if world.prefix:
             given['odom_frame'] = f'{world.prefix}odom'
             given['base_frame'] = world.prefix + self.description.robot.root
