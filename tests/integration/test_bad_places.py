@@ -26,6 +26,16 @@ NUMBERS = (
     '--box',
 )
 OTHER_USER = 1234
+WHEEL = (
+    '<link name="{0}"><inertial><mass value="1"/><inertia ixx=".01" ixy="0" ixz="0" iyy=".01" '
+    'iyz="0" izz=".01"/></inertial><collision><origin rpy="1.5708 0 0"/><geometry><cylinder '
+    'radius=".1" length=".05"/></geometry></collision></link><joint name="{0}_joint" '
+    'type="continuous"><parent link="base"/><child link="{0}"/><origin xyz="0 {1} 0"/>'
+    '<axis xyz="0 1 0"/></joint>'
+)
+CART = f'<robot name="cart"><link name="base"/>{WHEEL.format("left_wheel", 0.2)}' + (
+    f'{WHEEL.format("right_wheel", -0.2)}</robot>'
+)
 
 
 @pytest.fixture
@@ -81,6 +91,17 @@ def test_a_folder_that_one_may_not_enter(option, name, tmp_path):
     assert len(done.stderr.splitlines()) == 1, done.stderr
     if name or option == '--package-path':  # no folder is what the others want
         assert 'Permission denied' in done.stderr
+
+
+@pytest.mark.parametrize('option', ['--description', '--gamepad'])
+def test_a_name_that_is_no_utf_8_is_not_for_ros(option, tmp_path):
+    path = tmp_path / '\udcff.urdf'
+    path.write_text(CART)
+    words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, option, str(path)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert 'UTF-8' in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -188,8 +188,16 @@ def _value(field: Any, chance: random.Random) -> Any:
     return chance.choice(tuple(field.metadata['choices']) or (field.default,))
 
 
+def as_yaml(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
 def read_legs(path: str) -> Any:
     return read_parameters(path, LegNodeParameters, KIND)
+
+
+def read_wheels(path: str) -> Any:
+    return read_controller_file(path).values
 
 
 @pytest.mark.slow
@@ -209,6 +217,33 @@ def test_wheels_drive_by_any_file_that_loads(tmp_path: Path) -> None:
         assert all(map(math.isfinite, (*robot.odometry[:3], *robot.truth.position))), values
         driven += 1
     assert driven > 15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('read', 'definition'),
+    [(read_legs, LegNodeParameters), (read_wheels, DiffDriveParameters)],
+    ids=['legs', 'wheels'],
+)
+def test_a_file_takes_both_ends_of_every_number_and_nothing_outside(
+    read: Callable[[str], Any], definition: type[Parameters], tmp_path: Path
+) -> None:
+    asked, path = 0, tmp_path / 'parameters.yaml'
+    for name, (field, _) in known_parameters(definition).items():
+        if not is_number(field.default):
+            continue
+        for end, sign in zip(numeric_ends(field), (-1, 1), strict=True):
+            path.write_text(yaml.safe_dump({name: as_yaml(end)}))
+            assert read(str(path)) == {name: end}
+            beyond = tuple(item + sign * max(1.0, 0.01 * abs(item)) for item in flat(end))
+            outside = type(flat(end)[0])(beyond[0]) if not isinstance(end, tuple) else beyond
+            path.write_text(yaml.safe_dump({name: as_yaml(outside)}))
+            with pytest.raises(UserError) as caught:
+                read(str(path))
+            assert name in str(caught.value)
+            assert '\n' not in str(caught.value)
+            asked += 1
+    assert asked > 30
 
 
 @pytest.mark.slow

@@ -203,6 +203,8 @@ def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) ->
         raise InvalidParameter(
             f'{name} must be a {kind.__name__}, got {type(value).__name__} {shown(value)}'
         )
+    if isinstance(value, str) and not is_utf8(value):  # ROS has no other text
+        raise InvalidParameter(f'{name} must be text in UTF-8, got {shown(value)}')
     if meta.get('choices') and value not in meta['choices']:
         wanted = ', '.join(meta['choices'])
         raise InvalidParameter(f'{name} must be one of {wanted}, got {shown(value)}')
@@ -224,6 +226,15 @@ def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
         and (meta.get('minimum') is None or value >= meta['minimum'])
         and (meta.get('maximum') is None or value <= meta['maximum'])
     )
+
+
+def is_utf8(text: str) -> bool:
+    """Whether a text is one: names of files need not be."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def shown(value: Any) -> str:

@@ -90,8 +90,10 @@ def declare_parameters(
     for name, (field, _) in known.items():
         default = before.value(name)
         given = node._parameter_overrides.get(name)
-        if given is not None and {type(field.default), type(given.value)} <= {int, float}:
-            definition.checked(name, given.value)  # ROS would say less of a range
+        kinds = {type(field.default), type(given.value)} if given is not None else set()
+        if kinds and (kinds <= {int, float} or kinds == {str}):
+            # ROS would say less of a range, and breaks on text that is no UTF-8.
+            definition.checked(name, given.value)
         try:
             declared = node.declare_parameter(name, _to_ros(default), to_descriptor(field))
         except rclpy.exceptions.ParameterException as error:
