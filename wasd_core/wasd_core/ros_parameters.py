@@ -90,8 +90,7 @@ def declare_parameters(
     for name, (field, _) in known.items():
         default = before.value(name)
         given = node._parameter_overrides.get(name)
-        kinds = {type(field.default), type(given.value)} if given is not None else set()
-        if kinds and (kinds <= {int, float} or kinds == {str}):
+        if given is not None and _is_plain({type(field.default), type(given.value)}):
             # ROS would say less of a range, and breaks on text that is no UTF-8.
             definition.checked(name, given.value)
         try:
@@ -102,6 +101,11 @@ def declare_parameters(
     current = before.changed(values)
     _take_changes(node, current, known, on_change)
     return current
+
+
+def _is_plain(kinds: set[type]) -> bool:
+    """Whether a default and a value of these kinds are numbers, or text."""
+    return kinds <= {int, float} or kinds == {str}
 
 
 def misspelt_parameters(*nodes: Node) -> list[str]:
