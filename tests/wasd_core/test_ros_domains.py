@@ -128,6 +128,13 @@ def test_runs_in_namespaces_of_their_own_share_a_domain(domains):
         first.close()
 
 
+def test_a_place_that_was_given_back_is_free_at_once(domains):
+    for _ in range(200):
+        place = claim(domains[0], ['/'])
+        assert place is not None
+        place.close()
+
+
 def test_a_full_machine_is_said(domains):
     held = [claim(domain, ['/']) for domain in domains]
     # A process has one entry a domain; the places are what counts.

@@ -182,6 +182,7 @@ class Claim:
     def __init__(self, domain: int, sockets: Sequence[socket.socket]) -> None:
         self.domain = domain
         self._sockets = sockets
+        self._listener: threading.Thread | None = None
 
     def __enter__(self) -> Self:
         """Hold the place."""
@@ -191,12 +192,21 @@ class Claim:
         """Give it back."""
         self.close()
 
+    def listen(self) -> None:
+        """Let callers connect, who learn whose place it is."""
+        self._sockets[-1].listen()
+        waiting = (self._sockets[-1],)
+        self._listener = threading.Thread(target=_dismiss_callers, args=waiting, daemon=True)
+        self._listener.start()
+
     def close(self) -> None:
-        """Give the place back."""
+        """Give the place back: whoever asks for it next, gets it."""
         for one in self._sockets:
             with contextlib.suppress(OSError):  # not connected
                 one.shutdown(socket.SHUT_RDWR)  # which ends a thread that waits at it
             one.close()
+        if self._listener is not None:  # until it has left, the system keeps the name
+            self._listener.join(1.0)
 
 
 def claim(domain: int, namespaces: Sequence[str]) -> Claim | None:
@@ -215,8 +225,7 @@ def claim(domain: int, namespaces: Sequence[str]) -> Claim | None:
             place.close()
             return None
         sockets.append(bound)
-    sockets[-1].listen()
-    threading.Thread(target=_dismiss_callers, args=(sockets[-1],), daemon=True).start()
+    place.listen()
     return place
 
 
