@@ -36,6 +36,7 @@ from mbot_picture import draw_square
 import page
 import policies
 import quadrupeds
+import sight
 import slam
 import soak
 import stops
@@ -62,6 +63,7 @@ PARTS = {
     'explore': explore.measure,
     'goals': goals.measure,
     'guard': guard.measure,
+    'sight': sight.measure,
     'policy': policies.measure,
 }
 
@@ -92,6 +94,7 @@ def measure(name: str, arguments: argparse.Namespace) -> list[Row]:
 def _measure_here(name: str, arguments: argparse.Namespace) -> list[Row]:
     quadrupeds.more += arguments.description
     legs.only += arguments.only
+    sight.only += arguments.only
     cores.cluster = arguments.dask
     policies.chosen = arguments.file or policies.chosen
     return PARTS[name](arguments.quick, note)
@@ -148,7 +151,7 @@ def make_parser() -> argparse.ArgumentParser:
         action='append',
         default=[],
         metavar='TEXT',
-        help='of legs, the rows whose names contain this (repeatable)',
+        help='of legs or sight, the rows whose names contain this (repeatable)',
     )
     parser.add_argument(
         '--dask',
@@ -176,11 +179,12 @@ def main() -> int:
         parser.error('FILE [CONFIG] is of policy')
     if arguments.file and arguments.write:
         parser.error('--write is of our policy: leave out FILE')
-    if arguments.only and arguments.part != 'legs':
-        parser.error('--only is of legs')
+    if arguments.only and arguments.part not in ('legs', 'sight'):
+        parser.error('--only is of legs and of sight')
     for text in arguments.only:
-        if not legs.experiments(arguments.quick, text):
-            parser.error(f'--only {text!r}: no row of legs has that in its name')
+        is_legs = arguments.part == 'legs'
+        if not (legs.experiments(arguments.quick, text) if is_legs else sight.cases([text])):
+            parser.error(f'--only {text!r}: no row of {arguments.part} has that in its name')
     if arguments.dask and importlib.util.find_spec('distributed') is None:
         parser.error(f'--dask needs: {install_line("cluster")}')
     begin = time.monotonic()

@@ -6,7 +6,7 @@ from quadruped_sim.algebra import plain
 from quadruped_sim.estimation import feel_grip, follow_plane
 from quadruped_sim.locomotion.footwork import find_step_height
 from quadruped_sim.locomotion.reference import advance, blank_reference
-from quadruped_sim.locomotion.swing import blank_targets, find_landing, FootPaths, lead
+from quadruped_sim.locomotion.swing import arrival_of, blank_targets, find_landing, FootPaths, lead
 
 # How long feet have sought the ground that find it [s].
 NEVER = np.zeros(4)
@@ -37,7 +37,7 @@ def follow(own, state, command, ground, pose, dt):
     """Return the reference; `pose` is the base's height [m] and how far its nose is up [rad]."""
     wanted = blank_reference(float(command[2]))
     asked = command, *pose, dt
-    advance(own.flat, own.rule, state.flat, ground.flat, asked, plain(wanted))
+    advance(own.flat, own.rule, state.flat, ground.flat[0], asked, plain(wanted))
     return wanted
 
 
@@ -50,6 +50,8 @@ def swing(legs, state, schedule, reference, ground, tread, sought=NEVER):
     landing, targets = legs.lift_off.copy(), blank_targets(schedule.is_stance)
     asked = plain(schedule), plain(reference), tread[1]
     find_landing(legs.rule, state.flat, ground.flat, asked, landing)
-    paths = plain(FootPaths(legs.lift_off, landing, *tread, legs.hips, legs.room))
+    heights = np.full(4, float(tread[0]))
+    arrivals = np.full(4, float(arrival_of(tread[1])))
+    paths = plain(FootPaths(legs.lift_off, landing, heights, arrivals, legs.hips, legs.room))
     lead(state.flat, paths, asked[0], (plain(legs.gains), sought), plain(targets))
     return targets

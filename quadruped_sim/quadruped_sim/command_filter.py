@@ -45,8 +45,9 @@ class CommandFilter:
 
     State: the request, its age and the present command. One `step` ages the request and moves the
     command; a request older than `timeout` counts as zero. `grip` in (0, 1] slows the ramps on
-    slippery ground. A robot whose `velocity` (2,), ahead and to the left [m/s], is far behind
-    would catch up with all the friction there is: its command waits, unless it slows down.
+    slippery ground, and no command is faster than `most`. A robot whose `velocity` (2,), ahead and
+    to the left [m/s], is far behind would catch up with all the friction there is: its command
+    waits, unless it slows down.
     """
 
     def __init__(
@@ -101,6 +102,7 @@ class CommandFilter:
         self._request = np.zeros(3)
         self.command = np.zeros(3)
         self.grip = 1.0
+        self.most = math.inf  # the speed that the ground ahead allows [m/s]
         self.velocity: np.ndarray | None = None  # not known: it waits for nobody
         self.forget_request()
 
@@ -161,6 +163,8 @@ class CommandFilter:
         self._is_new = False
         goes = may_go and not self.is_silent
         target = self.hold_back(self._request).tolist() if goes else (0.0, 0.0, 0.0)
+        if (speed := math.hypot(target[0], target[1])) > self.most:
+            target = [part * self.most / speed for part in target]
         slow = self.grip * dt
         plane = slow * self._share(target)
         # In plain numbers: numpy takes ten times as long for three of them.

@@ -111,10 +111,13 @@ def warm_up(model: RobotModel) -> None:
             controller.step(standing, 0.002)
     # Until here it stood on all feet in trotting, too; what steps calls other functions.
     controller.tune(LegControllerParameters(gait=GaitParameters(step_in_place=True)))
+    # A map that knows something is looked at.
+    terrain = Elevation()
+    terrain.add(np.zeros((1, 3)), 1.0)
+    controller.locomotion.sight.terrain = terrain
     for _ in range(30):
         controller.step(standing, 0.002)
     # What stages compile within themselves, other states call by itself: that is loaded, too.
     assert controller.robot is not None
     foot_velocities(controller.robot)
     all_leg_angles(model.geometry, foot_positions(model.geometry, model.walking_pose))
-    Elevation().add(np.zeros((1, 3)), 1.0)

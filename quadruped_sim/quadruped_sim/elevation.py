@@ -108,6 +108,18 @@ class Elevation:
         known = inside & (self._layers[_VOTES, row, column] > 0.0)
         return np.where(known, self._layers[_HEIGHT, row, column], np.nan)
 
+    def write_window(self, window: np.ndarray, middle: np.ndarray) -> np.ndarray:
+        """
+        Write heights around x and y into a square (n, n) [m]; return its first column and row.
+
+        A cell has the median of it and of those around it, also where it is not known itself but
+        most of them are: so single wrong ones, and holes, do not count, and edges stay. NaN else.
+        The cells' numbers are counted from the frame's origin.
+        """
+        first = np.round(np.asarray(middle)[:2] / self.resolution).astype(int) - len(window) // 2
+        _write_medians(self._layers, self._first, first, window)
+        return np.asarray(first, float)
+
     def _unrolled(self, layer: int) -> np.ndarray:
         columns, rows = (
             np.arange(first, first + self.count) % self.count for first in self._first
@@ -162,3 +174,46 @@ def _fuse(
             rival[i, j], rival_votes[i, j] = z, 1.0
         else:
             rival_votes[i, j] -= 1.0
+
+
+@jit
+def _write_medians(
+    layers: np.ndarray, known: np.ndarray, first: np.ndarray, window: np.ndarray
+) -> None:
+    """Write `Elevation.write_window`; `known` and `first` are the squares' first cells."""
+    count, size = layers.shape[1], len(window)
+    height, votes = layers[_HEIGHT], layers[_VOTES]
+    around = np.empty(9)
+    for i in range(size):
+        for j in range(size):
+            found = 0
+            for k in range(-1, 2):
+                row = first[1] + i + k
+                if not 0 <= row - known[1] < count:
+                    continue
+                for m in range(-1, 2):
+                    column = first[0] + j + m
+                    if not 0 <= column - known[0] < count:
+                        continue
+                    if votes[row % count, column % count] > 0.0:
+                        z = height[row % count, column % count]
+                        place = found
+                        while place > 0 and around[place - 1] > z:
+                            around[place] = around[place - 1]
+                            place -= 1
+                        around[place] = z
+                        found += 1
+            row, column = first[1] + i, first[0] + j
+            is_own = (
+                0 <= row - known[1] < count
+                and 0 <= column - known[0] < count
+                and votes[row % count, column % count] > 0.0
+            )
+            if found >= 5 or (is_own and found >= 2):
+                middle = found // 2
+                is_even = found % 2 == 0
+                window[i, j] = (
+                    0.5 * (around[middle - 1] + around[middle]) if is_even else around[middle]
+                )
+            else:
+                window[i, j] = np.nan

@@ -146,6 +146,8 @@ STICK_KEYS = {
 ZERO_KEYS = (' ', 'SPACE', STOP_KEY)
 # Key -> how far on in the table of gaits.
 GAIT_KEYS = {'n': 1, 'N': -1}
+# Has the legs walk by sight, or blind again.
+EYES_KEY = 'e'
 
 
 def is_stick_key(key: str) -> bool:
@@ -307,6 +309,12 @@ class KeyWords:
         sideways = f'{limits.lateral:.2g} m/s, {limits.yaw:.2g} rad/s'
         return f'{gait}: at most {limits.forward:.2g}, {sideways} ({self.name("n")}: next gait)'
 
+    def to_eyes(self, is_on: bool, has_map: bool) -> str:
+        """Return how the robot walks from now on."""
+        if is_on and not has_map:
+            return 'by sight, once there is a lidar of points: blind until then'
+        return 'eyes open: it walks by sight' if is_on else 'eyes shut: it walks blind'
+
     def to_stick(self, state: StateName, key: str, has_moved: bool) -> str | None:
         """Return what to tell of a stick's key; None where it drives."""
         if state is StateName.MOVE_BASE or key in ZERO_KEYS:
@@ -335,9 +343,8 @@ class KeyWords:
             if key in self.elsewhere:
                 return None
             return f'press {self.name(ARROWS[key])} ({key} does nothing)'
-        cure = (
-            f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-9, v, wasd, ijkl, n'
-        )
+        ours = 'keys: 0-9, v, wasd, ijkl, n, e'
+        cure = f'{self.help_key} shows the keys' if self.help_key else ours
         # Whatever came on a topic: its control characters made visible, and not all of it.
         return f'{cure} ({self._called(key)[:LONGEST_NAME]!r} does nothing)'
 

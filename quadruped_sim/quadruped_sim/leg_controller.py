@@ -9,11 +9,13 @@ from wasd_core.robot_io import BaseOdometry, BaseState, ImuReading, JointCommand
 
 from quadruped_sim.algebra import flatten, plain
 from quadruped_sim.command_filter import CommandFilter, velocity_limits
+from quadruped_sim.elevation import Elevation
 from quadruped_sim.estimation import ContactDetector
 from quadruped_sim.estimation.heading import Heading
 from quadruped_sim.estimation.kalman import Footing, KalmanEstimator
 from quadruped_sim.estimation.load import feel_ground, LoadObserver, TouchRules
 from quadruped_sim.keys import (
+    EYES_KEY,
     GAIT_KEYS,
     GET_UP_KEYS,
     KeyWords,
@@ -115,6 +117,7 @@ class LegController:
         self._measured = np.empty((3, 3))  # from base axes to the world's, as the IMU says
         self._touch_rules = self._rules_of_touch()
         self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
+        self._eyes, self._terrain = False, None  # type: tuple[bool, Elevation | None]
         self.reset()
 
     def tune(self, params: LegControllerParameters) -> None:
@@ -134,6 +137,21 @@ class LegController:
         """Return what the present state has to tell the driver, once; '' for nothing."""
         remark, self._parts.remark = self._parts.remark, ''
         return remark
+
+    @property
+    def eyes(self) -> bool:
+        """Whether it walks by what it sees of the ground."""
+        return self._eyes
+
+    @eyes.setter
+    def eyes(self, is_on: bool) -> None:
+        self._eyes = is_on
+        self.locomotion.sight.terrain = self._terrain if is_on else None
+
+    def see(self, terrain: Elevation | None) -> None:
+        """Take the map, in odometry's frame, by which it walks with its eyes open, or None."""
+        self._terrain = terrain
+        self.eyes = self._eyes
 
     @property
     def gait(self) -> str:
@@ -191,6 +209,7 @@ class LegController:
         self._detector.reset()
         self._load.reset()
         self.locomotion.forget_grip()
+        self.locomotion.sight.reset()
         self._is_started = False
         self._is_down = False  # lies on something else than its feet, and has since it fell
         self.robot: RobotState | None = None
@@ -243,6 +262,9 @@ class LegController:
             gaits = tuple(GAITS)
             self.choose_gait(gaits[(gaits.index(self.gait) + GAIT_KEYS[key]) % len(gaits)])
             return self.words.to_gait(self.gait, self.command_filter.limits)
+        if key == EYES_KEY and key not in self.words.elsewhere:
+            self.eyes = not self.eyes
+            return self.words.to_eyes(self.eyes, self._terrain is not None)
         before = self.sticks.values
         if not self.sticks.press(key):
             return self.words.to_other(state, key)
@@ -403,7 +425,7 @@ class LegController:
         measured, moves = reading.imu.orientation, (joints.position, joints.velocity)
         read_legs(self._geometry, robot.flat, moves, measured, self._measured)
         is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
-        normal = self.locomotion.ground.normal() if is_trotting else _UP
+        normal = self.locomotion.normal() if is_trotting else _UP
         if truth is None or not self._uses_truth:
             self._filter(reading.imu, normal, is_trotting, dt)
         else:

@@ -90,7 +90,7 @@ class LegControllerNode(Node):
         for note in self.legs.controller.notes:
             self.get_logger().warning(note)
         self.legs.on_said = lambda text: self.get_logger().warning(visible(text))
-        self._gait = settings.gait.name
+        self._told = settings.gait.name, settings.eyes
         self.frames = settings.odom_frame, settings.base_frame or self.legs.base_frame
         self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         self._absence = AbsenceWatch(self, self._on_return)
@@ -107,10 +107,7 @@ class LegControllerNode(Node):
         self.create_service(Trigger, '~/e_stop', self._on_e_stop)
         self.readings: Readings | None = None
         if description is not None:
-            wanted = self.heights
-            self._clouds = CloudInput(
-                self, description.robot, lambda: wanted.is_wanted, self.tell_heights
-            )
+            self._clouds = CloudInput(self, description.robot, self._wants_map, self._on_map)
             self.readings = self._listen()
 
     @property
@@ -121,7 +118,7 @@ class LegControllerNode(Node):
     def publish(self, stamp: Time | None = None) -> None:
         """Publish odom and /tf with one stamp, or now; state and gait when they have changed."""
         self._absence.beat()
-        self._tell_gait()
+        self._tell_keys()
         stamp = stamp or self.get_clock().now().to_msg()
         message = self.odometry(stamp) if has_listener(self._odometry) else None
         if message is not None:
@@ -154,18 +151,27 @@ class LegControllerNode(Node):
         self.legs.controller.e_stop()
 
     def _on_change(self, settings: LegNodeParameters) -> None:
-        self._gait = settings.gait.name
+        self._told = settings.gait.name, settings.eyes
         self.legs.tune(settings)
 
     def _on_key(self, message: String) -> None:
         self.legs.press(message.data)
-        self._tell_gait()
+        self._tell_keys()
 
-    def _tell_gait(self) -> None:
-        """Set the parameter `gait` to the one that a key, or a reset, has chosen."""
-        chosen = self.legs.settings.gait.name
-        if chosen != self._gait:
-            self.set_parameters([Parameter('gait', value=chosen)])
+    def _tell_keys(self) -> None:
+        """Set the parameters `gait` and `eyes` to what a key, or a reset, has chosen."""
+        chosen = self.legs.settings.gait.name, self.legs.settings.eyes
+        told = dict(zip(('gait', 'eyes'), zip(chosen, self._told, strict=True), strict=True))
+        changed = [Parameter(name, value=now) for name, (now, was) in told.items() if now != was]
+        if changed:
+            self.set_parameters(changed)
+
+    def _wants_map(self) -> bool:
+        return self.heights.is_wanted or self.legs.controller.eyes
+
+    def _on_map(self, elevation: Elevation, stamp: Time) -> None:
+        self.legs.see(elevation)
+        self.tell_heights(elevation, stamp)
 
     def _on_twist(self, message: Twist) -> None:
         self.legs.command(message.linear.x, message.linear.y, message.angular.z)

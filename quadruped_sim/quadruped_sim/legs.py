@@ -11,6 +11,7 @@ from wasd_core.signals import stop_requested
 from wasd_core.timing import NO_PRESS, Notice
 
 from quadruped_sim.compilation import compile_once, warm_up
+from quadruped_sim.elevation import Elevation
 from quadruped_sim.keys import StateName, StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
@@ -24,7 +25,7 @@ class Legs:
 
     `control` steps it on readings whose joints come in any order. What the driver should know is
     in `notice`, whose time its owner lets pass; `on_said` hears each text once. `settings` follow
-    the keys that choose a gait.
+    the keys that choose a gait, or open and shut the eyes.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Legs:
         # Before anything else calls a compiled function; loading is no part of the first tick.
         self.model = compile_once(lambda: _warm_model(description), inform, stop_requested)
         self._walker = walker
+        self._terrain: Elevation | None = None
         self.notice = Notice()
         self.answers = True  # keys, in words: not where nobody pressed those that come
         self.on_said: Callable[[str], None] = lambda text: None
@@ -57,6 +59,8 @@ class Legs:
         """Begin with settings, also with those that only hold from the start."""
         self.settings = settings
         self.controller = LegController(self.model, settings, settings.estimator, self._walker)
+        self.controller.see(self._terrain)
+        self.controller.eyes = settings.eyes
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
         self._state = self.controller.state
         self._refusal: str | None = None
@@ -66,6 +70,12 @@ class Legs:
         if settings != self.settings:
             self.settings = settings
             self.controller.tune(settings)
+            self.controller.eyes = settings.eyes
+
+    def see(self, terrain: Elevation | None) -> None:
+        """Take the map, in odometry's frame, that they walk by with their eyes open."""
+        self._terrain = terrain
+        self.controller.see(terrain)
 
     @property
     def state(self) -> str:
@@ -83,7 +93,7 @@ class Legs:
             answer = self.controller.press(key)
             if self.answers:
                 self.say(answer)
-            self._follow_gait()
+            self._follow_keys()
 
     def command(self, vx: float, vy: float, wz: float) -> None:
         """Take a velocity for the state move base [m/s], [m/s], [rad/s]."""
@@ -122,7 +132,7 @@ class Legs:
     def reset(self) -> None:
         """Forget the past: passive, in the gait of the start, with nothing said."""
         self.controller.reset()
-        self._follow_gait()
+        self._follow_keys()
         self.notice.say(None)
 
     def forget_velocity(self) -> bool:
@@ -143,7 +153,9 @@ class Legs:
         if self.notice.say(text) and text:
             self.on_said(text)
 
-    def _follow_gait(self) -> None:
+    def _follow_keys(self) -> None:
+        if self.controller.eyes != self.settings.eyes:
+            self.settings = replace(self.settings, eyes=self.controller.eyes)
         if self.controller.gait != self.settings.gait.name:
             gait = replace(self.settings.gait, name=self.controller.gait)
             self.settings = replace(self.settings, gait=gait)

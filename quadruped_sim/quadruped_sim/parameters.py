@@ -106,6 +106,9 @@ class LegNodeParameters(LegControllerParameters):
         doc='File or preset that says how the network was trained, where it does not itself',
         read_only=True,
     )
+    eyes: bool = parameter(
+        False, doc='Walk by sight: footholds and base by the heights that the lidar has seen'
+    )
     update_rate: float = parameter(
         LEG_RATE,
         doc='Rate of the controller in lock-step; alone it steps at each state, and moves nothing '

@@ -112,7 +112,7 @@ def test_without_the_extra_a_cluster_is_refused_in_a_line(
     ('words', 'said'),
     [
         (['legs', '--only', 'flying'], "--only 'flying': no row of legs has that in its name\n"),
-        (['mbot', '--only', 'stairs'], '--only is of legs\n'),
+        (['mbot', '--only', 'stairs'], '--only is of legs and of sight\n'),
     ],
 )
 def test_rows_that_cannot_be_chosen_are_refused_in_a_line(

@@ -55,7 +55,9 @@ class Robot:
         self._world, self._simulation = robot.world, robot.simulation
         self._simulation.schedule.every(robot.period, self._repeat)
         self._simulation.on_reset.append(self._forget)
-        robot.schedule_control(self._simulation.schedule)
+        schedule = self._simulation.schedule
+        robot.schedule_control(schedule)
+        schedule.every(schedule.stride * self._world.time_step, robot.sensors.step)
         self._distance = robot.camera.distance
         self._window: Any = None
         self._lock = threading.RLock()
@@ -188,9 +190,10 @@ class Go2(Robot):
 
     `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
     and legs) or `truth`; `limits` is `sport`, `guide` or `race`, what full stick means; `gait`
-    is the order in which the feet step. `policy` is the file of a network, or any `Walker`, that
-    walks in the state policy (2, then p), `policy_config` what says how it was trained. The
-    controller is not told of `untold`: friction, payload, how much the robot differs at random.
+    is the order in which the feet step. With `eyes` it walks by what its lidar sees, as after the
+    key e. `policy` is the file of a network, or any `Walker`, that walks in the state policy
+    (2, then p), `policy_config` what says how it was trained. The controller is not told of
+    `untold`: friction, payload, how much the robot differs at random.
 
     Raises:
         UserError: what is wrong with the description, the world or an option, in one line.
@@ -207,6 +210,7 @@ class Go2(Robot):
         estimator: str = 'kalman',
         limits: str = 'sport',
         gait: str = 'trot',
+        eyes: bool = False,
         policy: str | os.PathLike[str] | Walker | None = None,
         policy_config: str | os.PathLike[str] | None = None,
         untold: Untold = NOTHING,
@@ -223,6 +227,7 @@ class Go2(Robot):
                 estimator=estimator,
                 limits=limits,
                 gait=gait,
+                eyes=eyes,
                 policy=os.fspath(policy) if isinstance(policy, (str, os.PathLike)) else policy,
                 policy_config=None if policy_config is None else os.fspath(policy_config),
                 untold=untold,
@@ -252,7 +257,8 @@ class Go2(Robot):
 
     def press(self, key: str) -> str | None:
         """
-        Press a key of the Go2: a state (0 to 9, v) or a stick (w a s d j l i k, space).
+        Press a key of the Go2: a state (0 to 9, v), a stick (w a s d j l i k, space), a gait (n,
+        N) or e, which opens and shuts its eyes.
 
         Return what the status line would say to it, if anything: a key that does nothing in this
         state says what to press, and that of the present state that it is there already.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import importlib
 from typing import Any
 
-from quadruped_sim.keys import GAIT_KEYS, STATE_KEYS, STICK_KEYS
+from quadruped_sim.keys import EYES_KEY, GAIT_KEYS, STATE_KEYS, STICK_KEYS
 from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap_file import load_preset
 
@@ -19,7 +19,7 @@ from diff_drive_sim import MODES as DRIVE_MODES
 UNITREE_PRESET = 'unitree'
 UNITREE_HELP = (
     '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
-    '6 get up   7 lie down   {v} jump   3 free stand   0 9 8 tests   {n} next gait',
+    '6 get up   7 lie down   {v} jump   3 free stand   0 9 8 tests   {n} next gait   {e} eyes',
     '{w}/{s} forward, backward   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height'
     '   space: centre',
     'First 2, then 4, then {w}.',
@@ -170,4 +170,5 @@ def unitree_first_keys(layout: str) -> str:
 
 
 def _names(layout: str) -> dict[str, str]:
-    return {key: on_layout(key, layout) for key in (*STICK_KEYS, *GAIT_KEYS, *STATE_KEYS)}
+    keys = (*STICK_KEYS, *GAIT_KEYS, EYES_KEY, *STATE_KEYS)
+    return {key: on_layout(key, layout) for key in keys}

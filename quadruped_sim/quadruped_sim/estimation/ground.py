@@ -139,11 +139,11 @@ def follow_plane(
     moved = height_at(plane, mean[0], mean[1])
     centre[0], centre[1] = mean[0], mean[1]
     plane.height = moved + height_share * (mean[2] - moved)
-    _raise_frame(plane)
+    raise_frame(plane)
 
 
 @jit
-def _raise_frame(plane: Plane) -> None:
+def raise_frame(plane: Plane) -> None:
     """Write normal and frame."""
     gradient, normal, frame = plane.gradient, plane.normal, plane.frame
     length = math.sqrt(gradient[0] ** 2 + gradient[1] ** 2 + 1.0)

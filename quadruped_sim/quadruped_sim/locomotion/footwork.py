@@ -11,7 +11,15 @@ from quadruped_sim.algebra import flatten, view_of
 from quadruped_sim.estimation import feel_grip, follow_plane, GripRule, height_at, PlaneFilter
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import advance, BaseReference
-from quadruped_sim.locomotion.swing import find_landing, FootPaths, lead, SwingGains, SwingTargets
+from quadruped_sim.locomotion.sight import find_seen_footholds, survey
+from quadruped_sim.locomotion.swing import (
+    arrival_of,
+    find_landing,
+    FootPaths,
+    lead,
+    SwingGains,
+    SwingTargets,
+)
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
@@ -206,12 +214,13 @@ class FootRules(NamedTuple):
 
 
 class FootStages(NamedTuple):
-    """What the stages keep: `Plane` and `ReferenceState`, flat; of others a number each, (1,)."""
+    """What stages keep: `Plane`, `ReferenceState`, `SightState`, flat; of others a number each."""
 
     plane: np.ndarray
     reference: np.ndarray
     grip: np.ndarray
     roughness: np.ndarray
+    sight: np.ndarray
 
 
 class FootAims(NamedTuple):
@@ -247,14 +256,22 @@ def step_feet(
     scheduled = schedule.is_stance, schedule.phase
     step = StepRule(*rules.step)
     rise = find_step_height(robot, own.plane, scheduled, legs.points, own.roughness, step)
-    feel_grip(robot, legs.is_loaded, own.plane[0].frame, own.grip, GripRule(*rules.grip))
-    wanted, pose = aims.wanted, (command, height, own.roughness[0] * step.nose, dt)
-    advance(own.reference, rules.reference, robot, own.plane, pose, wanted)
+    survey(robot, feet, own.plane, own.sight, command, dt)
+    sight = own.sight[0]
+    frame = sight.tread.frame if sight.tread_share[0] > 0.0 else own.plane[0].frame
+    feel_grip(robot, legs.is_loaded, frame, own.grip, GripRule(*rules.grip))
+    nose = own.roughness[0] * step.nose * (1.0 - sight.share[0])
+    wanted, pose = aims.wanted, (command, height, nose, dt)
+    plane = sight.plane if sight.share[0] > 0.0 else own.plane[0]
+    advance(own.reference, rules.reference, robot, plane, pose, wanted)
     firmness = max(schedule.pace, own.roughness[0])
     times = schedule.stance_time, schedule.swing_time, schedule.pace, schedule.footprint
     steps = GaitState(legs.is_stance, schedule.phase, *times)
     find_landing(rules.foothold, robot, own.plane, (steps, wanted, firmness), legs.landing)
-    paths = FootPaths(aims.lift_off, legs.landing, rise, firmness, aims.hips, aims.room)
+    rises, arrivals = np.full(4, rise), np.full(4, arrival_of(firmness))
+    seen = aims.lift_off, rises, arrivals, stance.radius
+    find_seen_footholds(robot, feet, own.plane, own.sight, steps, seen)
+    paths = FootPaths(aims.lift_off, legs.landing, rises, arrivals, aims.hips, aims.room)
     lead(robot, paths, steps, (rules.gains, legs.sought), aims.targets)
     settling = _SETTLING + own.roughness[0] * (_ROUGH_SETTLING - _SETTLING)
     _find_trust(robot, feet, (schedule.phase, schedule.pace, settling), stance, is_stepping)

@@ -36,6 +36,7 @@ from quadruped_sim.locomotion.reference import (
     travel,
     turned,
 )
+from quadruped_sim.locomotion.sight import Sight
 from quadruped_sim.locomotion.swing import blank_targets, SwingLegs, SwingTargets
 from quadruped_sim.locomotion.whole_body import WholeBody, WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
@@ -79,19 +80,23 @@ class Locomotion:
         self.swing_legs = SwingLegs(model, params)
         self.step_height = StepHeight(params.gait, params.contact, model)
         self.grip = Grip(params.grip, params.mpc.friction)
+        self.sight = Sight()
         self._params = params
         self._nominal_height = self._height_of(params)
         self.schedule = self.gait.state()
         self._flat_feet, self._feet = blank_feet()
         self.is_stance, self.trust = self._feet.is_stance, self._feet.trust
         stages = FootStages(
-            self.ground.flat, self.reference.flat, self.grip.flat, self.step_height.flat
+            self.ground.flat,
+            self.reference.flat,
+            self.grip.flat,
+            self.step_height.flat,
+            self.sight.flat,
         )
         self._stages = plain(stages)
         # What the stages go by, in ticks of so long [s].
         self._rules: tuple[FootRules | None, float] = None, 0.0
         self._forces = np.zeros((4, 3))
-        self._frame = self.ground.frame()  # from the axes in which feet have friction to the world
         self._since_solution = math.inf
         self._height = self._nominal_height
 
@@ -129,6 +134,7 @@ class Locomotion:
         self.is_stance[:], self._feet.is_early[:], self._feet.has_touched[:] = True, False, True
         self.swing_legs.reset(state.feet)
         self.step_height.reset()
+        self.sight.reset()
         self.forget_grip()
         self._forces = standing_forces(GRAVITY * state.mass, self.is_stance)
         self._since_solution = math.inf
@@ -141,6 +147,7 @@ class Locomotion:
 
         `is_halting` ends stepping in place as soon as the robot may stand.
         """
+        self.sight.look(state.base.position, dt)
         speed = math.hypot(float(command[0]), float(command[1])) + self._turning_radius * abs(
             float(command[2])
         )
@@ -164,12 +171,22 @@ class Locomotion:
             )
             self._since_solution = math.inf
         task = WholeBodyTask(
-            acceleration, self.is_stance, self._forces, swing.acceleration, self._frame
+            acceleration, self.is_stance, self._forces, swing.acceleration, self.frame()
         )
         result = self.whole_body.solve(task, state)
         return joint_command(
             self._params.whole_body, self._model, state, reference, swing, result.torque
         )
+
+    def normal(self) -> np.ndarray:
+        """Unit normal (3,), world axes, of what feet stand on: treads that are seen, or all."""
+        tread = self.sight.tread
+        return self.ground.normal() if tread is None else tread.normal
+
+    def frame(self) -> np.ndarray:
+        """Rotation (3, 3) from the axes in which feet have friction to the world."""
+        tread = self.sight.tread
+        return self.ground.frame() if tread is None else tread.frame
 
     def forget_grip(self) -> None:
         """Believe the guess of the friction again, from now on."""
@@ -270,7 +287,7 @@ class Locomotion:
             rate_reference,
             stance,
             arms,
-            Rz.T @ self._frame,
+            Rz.T @ self.frame(),
         )
         forces = self.mpc.solve(problem)
         if forces is not None:

@@ -9,7 +9,7 @@ from robot_description.morphology.quadruped import Scale
 from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten, plain
-from quadruped_sim.estimation import height_at
+from quadruped_sim.estimation import height_at, Plane
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.tuning import ReferenceParameters
 
@@ -97,7 +97,7 @@ def advance(
     flat_own: np.ndarray,
     flat_rule: np.ndarray,
     robot: np.ndarray,
-    ground: np.ndarray,
+    plane: Plane,
     asked: tuple[np.ndarray, float, float, float],
     wanted: BaseReference,
 ) -> None:
@@ -107,7 +107,7 @@ def advance(
     `asked` are (vx, vy, yaw rate), base axes, how high the base is kept above the plane [m], to
     which it is parallel but for its nose, how far that is up going ahead [rad], and dt [s].
     """
-    own, rule, base, plane = flat_own[0], flat_rule[0], robot[0].base, ground[0]
+    own, rule, base = flat_own[0], flat_rule[0], robot[0].base
     command, height, nose, dt = asked
     wanted = BaseReference(*wanted)
     position, velocity = wanted.position, wanted.velocity

@@ -24,6 +24,12 @@ _ARRIVAL = 0.96
 
 
 @jit
+def arrival_of(firmness: float) -> float:
+    """Share of a swing after which a foot that is set down so firmly is above its foothold."""
+    return _ARRIVAL + firmness * (1.0 - _ARRIVAL)
+
+
+@jit
 def swing_profile(s: float) -> tuple[float, float, float]:
     """
     Way from 0 to 1 over s in [0, 1], and two derivatives; it rests at both ends.
@@ -301,16 +307,17 @@ def _foot_velocities(robot: np.ndarray) -> np.ndarray:
 
 class FootPaths(NamedTuple):
     """
-    Where the feet left the ground and will land, both (4, 3), and the tread of all.
+    Where the feet left the ground and will land, both (4, 3), the heights of their steps (4,) [m].
 
+    `arrivals` (4,) are the shares of a swing after which they are above where they land.
     `hips` (4, 3) are in base axes; `room` is kept below them, and above both ends [m], and ground
     that is missing is sought so fast [m/s] and so deep [m].
     """
 
     lift_off: np.ndarray
     landing: np.ndarray
-    height: float
-    firmness: float
+    heights: np.ndarray
+    arrivals: np.ndarray
     hips: np.ndarray
     room: tuple[float, float, float, float]
 
@@ -337,12 +344,11 @@ def lead(
 
     They are led `by` gains; those that have `sought` the ground for some time, (4,) [s], on down.
     """
-    lift_off, landing, height, firmness, hips, room = paths
+    lift_off, landing, heights, arrivals, hips, room = paths
     schedule, targets = GaitState(*schedule), SwingTargets(*targets)
     gains, sought = SwingGains(*by[0]), by[1]
     position, velocity, acceleration = targets.position, targets.velocity, targets.acceleration
     moves, feet, base = _foot_velocities(robot), robot[0].feet, robot[0].base
-    arrival = _ARRIVAL + firmness * (1.0 - _ARRIVAL)
     for leg in range(4):
         for k in range(3):
             position[leg, k], velocity[leg, k], acceleration[leg, k] = feet[leg, k], 0.0, 0.0
@@ -355,8 +361,8 @@ def lead(
             headroom(base, hips[leg], x, y, room[0]),
             headroom(base, hips[leg], feet[leg, 0], feet[leg, 1], room[0]),
         )
-        rise = min(height, max(top - ends, room[1]))
-        p, v, a = swing_point(start, end, rise, phase, schedule.swing_time, arrival)
+        rise = min(heights[leg], max(top - ends, room[1]))
+        p, v, a = swing_point(start, end, rise, phase, schedule.swing_time, arrivals[leg])
         if sought[leg] > 0.0:
             for k in range(3):
                 p[k], v[k], a[k] = start[k], 0.0, 0.0

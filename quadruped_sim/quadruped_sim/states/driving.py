@@ -433,6 +433,7 @@ class Trotting(State):
         self._read_command()
         locomotion = self._parts.locomotion
         self._parts.command_filter.grip = locomotion.grip.share
+        self._parts.command_filter.most = locomotion.sight.most
         self._parts.command_filter.velocity = (robot.base.velocity @ robot.base.R)[:2]
         command = self._parts.command_filter.step(dt, may_go=locomotion.is_up)
         result = locomotion.step(robot, command, dt)

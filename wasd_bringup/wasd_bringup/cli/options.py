@@ -473,6 +473,12 @@ OPTIONS = (
         how={'metavar': 'NAME'},
     ),
     Option(
+        word='--eyes',
+        help='walk by sight: lidar, heights, footholds; blind where they are not known (key: e)',
+        of=LEGS,
+        how=FLAG,
+    ),
+    Option(
         word='--sync',
         help='time waits for the LowCmd that answers each LowState of the interface',
         of=LEGS,

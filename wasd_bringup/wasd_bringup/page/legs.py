@@ -2,7 +2,15 @@
 """A quadruped in the cockpit: its states as buttons, the stick by the keys of its sticks."""
 
 import numpy as np
-from quadruped_sim.keys import GAIT_KEYS, StateName, STEP, STICK_KEYS, StickValues, ZERO_KEYS
+from quadruped_sim.keys import (
+    EYES_KEY,
+    GAIT_KEYS,
+    StateName,
+    STEP,
+    STICK_KEYS,
+    StickValues,
+    ZERO_KEYS,
+)
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
@@ -54,7 +62,8 @@ class LegsView(RobotView):
             KeyCap(self._named(key), 'next gait' if by > 0 else 'gait before')
             for key, by in GAIT_KEYS.items()
         )
-        return (*states, *sticks, KeyCap(ZERO_KEYS[0], 'sticks centred'), *gaits)
+        eyes = KeyCap(self._named(EYES_KEY), 'eyes')
+        return (*states, *sticks, KeyCap(ZERO_KEYS[0], 'sticks centred'), *gaits, eyes)
 
     def stick_use(self) -> StickUse:
         """Return what the stick does now."""

@@ -118,17 +118,14 @@ class LegsFace(ControllerFace):
         # Here, because wheels do without.
         from quadruped_sim.leg_controller_node import LegControllerNode
 
-        from wasd_bringup.run.elevation import RobotElevation
-
         given = [Parameter(name, value=value) for name, value in robot.given.items()]
         node = LegControllerNode(
             robot.legs, namespace=robot.options.namespace, parameter_overrides=given
         )
         super().__init__(robot, node)
         self.key_inputs.insert(0, node.keys)
-        self._elevation = RobotElevation(robot)
-        self._elevation.wanted_by.append(lambda: node.heights.is_wanted)
-        self._elevation.on_map.append(
+        robot.elevation.wanted_by.append(lambda: node.heights.is_wanted)
+        robot.elevation.on_map.append(
             lambda elevation, now: node.tell_heights(elevation, to_stamp(now))
         )
         if robot.options.interactive:
@@ -146,7 +143,6 @@ class LegsFace(ControllerFace):
 
     def schedule(self, schedule: Any) -> None:
         """Publish on a schedule."""
-        schedule.every(self.robot.period, self._elevation.step)
         schedule.every(1.0 / self.node.legs.settings.publish_rate, self.node.publish)
 
 

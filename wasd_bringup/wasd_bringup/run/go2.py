@@ -17,11 +17,13 @@ from quadruped_sim.presets import LIMITS
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keymap import on_layout, on_qwerty
+from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 from wasd_core.timing import is_press, STOP_KEY
 
 from wasd_bringup.robots import unitree_first_keys, unitree_help, UNITREE_PRESET
+from wasd_bringup.run.elevation import RobotElevation
 from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample, TrunkWatch
@@ -39,6 +41,10 @@ class Outside(Protocol):
         """Return the motors' command, None where our controller has them."""
 
 
+LIDAR_NEEDED = (
+    '--eyes: {robot} has no lidar of points: give its description a '
+    '<gazebo reference="LINK"><sensor type="ray"> with vertical samples'
+)
 # States in which the robot is being driven.
 DRIVEN = (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY)
 # The key that has the policy walk, and the one that lets go of the legs.
@@ -72,6 +78,12 @@ class Go2(Robot):
         self.notice = self.legs.notice
         self._trunk = TrunkWatch()
         self.outside: Outside | None = None
+        self.elevation = RobotElevation(self)
+        self.elevation.wanted_by.append(lambda: self.legs.controller.eyes)
+        mapper = self.elevation.mapper
+        if options.eyes and mapper is None:
+            raise UserError(LIDAR_NEEDED.format(robot=loaded.robot.name))
+        self.legs.see(None if mapper is None else mapper.elevation)
 
     def prepare(self) -> None:
         """Settle what follows from the settings, before anything is scheduled."""
@@ -84,10 +96,14 @@ class Go2(Robot):
         """The controller's parameters that the options give, by their names."""
         options, world = self.options, self.world
         names = ('description', 'estimator', 'limits', 'gait', 'controller')
-        given = {name: str(value) for name in names if (value := getattr(options, name))}
+        given: dict[str, Any] = {
+            name: str(value) for name in names if (value := getattr(options, name))
+        }
         for name in ('policy', 'policy_config'):
             if isinstance(value := getattr(options, name), str):
                 given[name] = value
+        if options.eyes:
+            given['eyes'] = True
         if world.prefix:
             given['odom_frame'] = f'{world.prefix}odom'
             given['base_frame'] = world.prefix + self.description.robot.root
@@ -221,6 +237,7 @@ class Go2(Robot):
         own = self.legs.control(world.read(), *names, self.period, truth)
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
+        self.elevation.step()
 
     def stop(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""

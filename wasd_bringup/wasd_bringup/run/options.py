@@ -60,6 +60,7 @@ class RunOptions:
     uses_ros: bool = True
     discovery: str | None = None
     estimator: str = 'kalman'
+    eyes: bool = False  # whether legs walk by what the lidar has seen
     limits: str | None = None
     gait: str | None = None
     mode: str | None = None

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A Go2 that walks by sight, and one whose map knows nothing, which walks as if blind."""
+
+from dataclasses import replace
+import re
+
+from descriptions import robot_named
+import numpy as np
+import pytest
+from quadruped_sim.elevation import Elevation
+import wasd
+from wasd_core.errors import UserError
+
+
+def walk(dog, seconds):
+    """Stand, then walk ahead; return where base and joints are twice a second, bit by bit."""
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('5')
+    dog.drive(0.4, 0.0, 0.1)
+    states = []
+    for _ in range(round(2.0 * seconds)):
+        dog.run(0.5)
+        states.append(dog._world.data.qpos.copy())
+    return np.array(states)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('world', ['flat', 'boxes:0.08'])
+def test_where_the_map_knows_nothing_it_walks_as_if_blind_to_the_last_bit(world):
+    blind, seeing = wasd.Go2(world, seed=120), wasd.Go2(world, seed=120, eyes=True)
+    empty = Elevation()
+    seeing._robot.legs.see(empty)
+    assert seeing._robot.legs.controller.locomotion.sight.terrain is empty
+    np.testing.assert_array_equal(walk(blind, 4.0), walk(seeing, 4.0))
+
+
+def climb(world, seconds, eyes):
+    """Walk ahead for so long [s]; return where the base is then, and the state."""
+    dog = wasd.Go2(world, seed=120, eyes=eyes)
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('5')
+    dog.drive(0.4)
+    dog.run(seconds)
+    return dog.truth.position, dog.state
+
+
+@pytest.mark.slow
+def test_by_sight_it_climbs_a_step_of_20_cm_that_stops_it_blind():
+    position, state = climb('step:0.2', 7.0, eyes=True)
+    assert state == 'move base'
+    assert position[0] > 2.0
+    assert position[2] == pytest.approx(0.5, abs=0.05)
+    position, state = climb('step:0.2', 7.0, eyes=False)
+    assert position[0] < 1.2 or state != 'move base'
+
+
+@pytest.mark.slow
+def test_by_sight_it_climbs_stairs_of_15_cm():
+    position, state = climb('stairs:0.15', 7.5, eyes=True)
+    assert state == 'move base'
+    assert position[0] > 2.3
+    assert position[2] > 6 * 0.15 + 0.2
+
+
+@pytest.mark.slow
+def test_the_key_e_opens_and_shuts_its_eyes_and_a_reset_leaves_them():
+    dog = wasd.Go2()
+    controller = dog._robot.legs.controller
+    assert not controller.eyes
+    assert dog.press('e') == 'eyes open: it walks by sight'
+    assert controller.locomotion.sight.terrain is dog._robot.elevation.mapper.elevation
+    dog.reset()
+    assert controller.eyes
+    assert dog.press('e') == 'eyes shut: it walks blind'
+    assert controller.locomotion.sight.terrain is None
+
+
+@pytest.mark.slow
+def test_the_parameter_eyes_follows_the_key_and_the_key_the_parameter():
+    legs = wasd.Go2()._robot.legs
+    legs.press('e')
+    assert legs.settings.eyes
+    assert legs.controller.eyes
+    legs.tune(replace(legs.settings, eyes=False))
+    assert not legs.controller.eyes
+
+
+@pytest.mark.slow
+def test_after_a_reset_it_sees_where_it_is_and_not_where_it_was():
+    dog = wasd.Go2('stairs:0.1', seed=121, eyes=True)
+    walk(dog, 2.0)
+    mapper = dog._robot.elevation.mapper
+    assert np.isfinite(mapper.elevation.heights()).any()
+    dog.reset()
+    assert not np.isfinite(mapper.elevation.heights()).any()
+    assert not dog._robot.legs.controller.locomotion.sight.knows
+
+
+@pytest.mark.slow
+def test_a_robot_without_a_lidar_of_points_says_so(tmp_path):
+    whole = robot_named('go2').urdf
+    tags = re.findall(r'<gazebo reference="[^"]*">.*?</gazebo>', whole, flags=re.DOTALL)
+    (lidar,) = [tag for tag in tags if '<topicName>points<' in tag]
+    blind = tmp_path / 'blind.urdf'
+    blind.write_text(whole.replace(lidar, ''))
+    with pytest.raises(UserError, match='--eyes: go2.* has no lidar of points: give its desc'):
+        wasd.Go2(description=str(blind), eyes=True)
+    dog = wasd.Go2(description=str(blind))
+    assert dog.press('e') == 'by sight, once there is a lidar of points: blind until then'
