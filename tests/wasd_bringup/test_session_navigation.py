@@ -413,7 +413,7 @@ def test_a_goal_that_is_none_is_refused_in_one_line(read, words):
 def test_a_map_that_is_not_there_and_a_goal_for_two_robots_are_refused(read):
     with pytest.raises(UserError, match='--map nowhere.yaml: no such file'):
         read('--map', 'nowhere.yaml')
-    with pytest.raises(UserError, match='--map /: is no file'):
+    with pytest.raises(UserError, match='--map /: not a file'):
         read('--map', '/')
     assert read('--map', both=True).navigates
     for words in (('--goal', '1 2'), ('--save-map', 'house')):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The robots that have a command of their own: a row each in ROBOTS.
+The robots with a command of their own: each is a row of ROBOTS.
 
-A row is all that such a robot needs: `wasd NAME` with its options and help, its nodes, its keys,
-its place beside others. This module loads neither ROS nor the simulator.
+A robot needs only its row: `wasd NAME` with options and help, its nodes, its keys and its place
+beside others follow. This module loads neither ROS nor the simulator.
 """
 
 from dataclasses import dataclass
@@ -27,20 +27,20 @@ UNITREE_HELP = (
 UNITREE_FIRST_KEYS = (
     'press 2 to stand, 4 to trot; then {w} {s} {a} {d} walk, {j} {l} turn, space stops'
 )
-# `sim` is the first of them, as a word for beginners.
+# `sim` is another name of the first mode, for beginners.
 MODES = ('sim', *DRIVE_MODES)
 
-# What kinds of robots call the options of their own; of one robot alone.
+# Groups of options that a kind of robots has; LEGS_ALONE: only in a run of one robot.
 LEGS, LEGS_ALONE, POLICY, WHEELS = 'legs', 'legs alone', 'policy', 'wheels'
 
 
 @dataclass(frozen=True)
 class Kind:
     """
-    What robots of one build share: classes as `module:name`, and options of their commands.
+    Robots of one build: their classes as `module:name`, and the options of their commands.
 
-    `robot` is loaded when such a robot runs, `face` when ROS is to see it, `view` is what a
-    page shows. `controller` names its controller in a log.
+    A run loads `robot`; ROS needs `face`; the page shows `view`. `controller` is the name of the
+    controller in a log.
     """
 
     robot: str
@@ -48,8 +48,8 @@ class Kind:
     face: str = 'wasd_bringup.ros.controllers:ControllerFace'
     view: str = 'wasd_bringup.page.robot_view:RobotView'
     controller: str = 'controller'
-    pad_preset: str = 'mbot'  # what a gamepad means to it
-    state_help: tuple[str, ...] = ()  # keys beside those of its preset, in words
+    pad_preset: str = 'mbot'  # preset of a gamepad
+    state_help: tuple[str, ...] = ()  # help lines of keys that are not in its preset
 
 
 LEGGED = Kind(
@@ -75,7 +75,7 @@ HUMANOID = Kind(
     controller='joint_controller',
     state_help=(
         '2 stand   p policy (--policy FILE)   1 passive   h hoist on, off',
-        'The hoist bears it at first. First 2, then p, then h, then drive.',
+        'It begins on the hoist. Press 2, then p, then h, then drive.',
     ),
 )
 
@@ -91,9 +91,9 @@ class RobotRow:
     """
     One robot: `wasd NAME` runs it.
 
-    `description` is a built-in name or a file, `preset` its usual keymap, `examples` are words
-    after `wasd` and what they do. `place` is where it starts [m] in a world that several robots
-    share, as those of `wasd both`; without one it is none of these.
+    `description` is a built-in name or a file, `preset` the default keymap, `examples` are words
+    after `wasd` with their effect. `place` is the start [m] in a world of several robots, as for
+    `wasd both`; a robot without one is not part of such a world.
     """
 
     name: str
@@ -113,8 +113,8 @@ GO2 = RobotRow(
     preset=UNITREE_PRESET,
     examples=(
         ('go2', '2 stand, 4 trot, w walk'),
-        ('go2 --world stairs:0.1', 'up and down steps of 10 cm'),
-        ('go2 --preset wasd', '2 stand, 5 drive: a key counts while it is down'),
+        ('go2 --world stairs:0.1', 'walk up and down steps of 10 cm'),
+        ('go2 --preset wasd', '2 stand, 5 drive: a key drives while it is down'),
     ),
     place=(0.0, 0.6),
 )
@@ -134,12 +134,12 @@ MBOT = RobotRow(
 G1 = RobotRow(
     name='g1',
     kind=HUMANOID,
-    summary='have a humanoid stand, and walk by a network of yours',
+    summary='make a humanoid stand, and walk with your network',
     description='g1',
     preset='wasd',
     examples=(
-        ('g1', '2 stand, h lets go of the hoist'),
-        ('g1 --policy policy.onnx', '2 stand, p walk, h lets go, w a s d drive'),
+        ('g1', '2 stand, h releases it from the hoist'),
+        ('g1 --policy policy.onnx', '2 stand, p walk, h releases it, w a s d drive'),
     ),
 )
 ROBOTS: dict[str, RobotRow] = {row.name: row for row in (GO2, MBOT, G1)}

@@ -49,7 +49,7 @@ def make_parser() -> argparse.ArgumentParser:
         prog=called(),
         description='Drive simulated robots from the keyboard.',
         epilog='\n'.join(
-            [*describe_examples(), '', f'{called()} COMMAND --help tells more, and the keys.']
+            [*describe_examples(), '', f'{called()} COMMAND --help has the options and the keys.']
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -58,18 +58,24 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for row in ROBOTS.values():
         add_run_options(_add_run(commands, row.name, row.summary), row.name)
-    both = 'drive both in one world; TAB goes from one to the other'
+    both = 'drive Go2 and mbot in one world; TAB selects the other robot'
     add_run_options(_add_run(commands, BOTH, both), BOTH)
     demo = commands.add_parser(
         'demo',
-        help='watch the Go2 by itself on the page, or take a tour that writes pictures',
+        help='go2: watch a scripted Go2 on the page; alone: a tour that writes pictures',
         allow_abbrev=False,
     )
     demo.add_argument(
-        'watched', nargs='?', choices=('go2',), help='on the page, 45 s (default: the tour)'
+        'watched',
+        nargs='?',
+        choices=('go2',),
+        help='show it on the page, 45 s (default: the tour)',
     )
     demo.add_argument(
-        '--output', default='wasd_demo', metavar='DIR', help='where to (default: wasd_demo)'
+        '--output',
+        default='wasd_demo',
+        metavar='DIR',
+        help='folder of the pictures (default: wasd_demo)',
     )
     keys = commands.add_parser('keys', help='list keymaps, or print one', allow_abbrev=False)
     keys.add_argument('preset', nargs='?', metavar='NAME|FILE', help='a preset, or your YAML file')
@@ -80,8 +86,8 @@ def make_parser() -> argparse.ArgumentParser:
     add_calibrate_options(calibrate)
     describe = commands.add_parser(
         'describe',
-        help='policy FILE: what a network says, and how it walks; info FILE, lint FILE: a robot',
-        epilog="info, lint, fix and expand tell of a robot's file, as the program describe does.",
+        help='policy FILE: check a network and walk with it; info FILE, lint FILE: check a robot',
+        epilog="info, lint, fix and expand work on a robot's file, like the program describe.",
         allow_abbrev=False,
     )
     add_describe_options(describe)
@@ -92,7 +98,7 @@ def make_parser() -> argparse.ArgumentParser:
     add_graph_commands(commands)
     commands.add_parser(
         'test',
-        help='run the test-suite; --quick: what needs no process, in seconds; the rest to pytest',
+        help='run the tests; --quick: those without processes; other words go to pytest',
         add_help=False,
     )
     commands.add_parser('lint', help='run the linters: ruff and mypy', add_help=False)
@@ -124,7 +130,7 @@ def first_words() -> list[str]:
     name = called()
     return [
         'wasd drives simulated robots from the keyboard, here and on a page in your browser.',
-        f'  {name} demo go2    a Go2 shows what it can; {name} go2: you drive, ? shows keys',
+        f'  {name} demo go2    a Go2 shows its skills; {name} go2: you drive, ? shows the keys',
         f'  {name} --help      every command',
     ]
 
@@ -132,7 +138,7 @@ def first_words() -> list[str]:
 def print_keys(arguments: argparse.Namespace) -> int:
     """Print the presets, or one keymap; return the exit status."""
     if arguments.preset is None:
-        unitree = f"{UNITREE_PRESET:14} the Go2's own, with its states and sticks"
+        unitree = f'{UNITREE_PRESET:14} states and sticks of the Go2'
         print(
             '\n'.join([*list_presets(), unitree, '', f'{called()} keys NAME prints one of them'])
         )
@@ -145,7 +151,7 @@ def print_keys(arguments: argparse.Namespace) -> int:
 
 
 def _no_command(file: str) -> str:
-    """Return what to say of a robot's file in a command's place."""
+    """Return the error for a robot's file in the place of a command."""
     name = called()
     return (
         f'{file} is a file, wanted a command: {name} go2 --description {file} walks it on four '

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The options of a run: a row each, with its help and what it makes of a value.
+The options of a run: each row has an option's help and the reader of its value.
 
-A row is all that an option needs: argparse, `--help` and `RunOptions` follow. Its default is that
-of the field in `RunOptions`.
+An option needs only its row: argparse, `--help` and `RunOptions` follow. Its default is that of
+the field in `RunOptions`.
 """
 
 import argparse
@@ -32,9 +32,9 @@ from wasd_bringup.run.options import AFTERGLOW, RANGES, RunOptions
 
 # A seed is a parameter, too, of 64 bits.
 MOST_SEED = 2**63 - 1
-# So long a run may be asked for [s]: thirty years.
+# The longest duration of a run [s]: thirty years.
 LONGEST_RUN = 1e9
-# A script of keys that were held for a day has 70 MB [bytes].
+# A script of keys that are held for a day has 70 MB [bytes].
 LARGEST_SCRIPT = 100_000_000
 # Where Foxglove looks first.
 FOXGLOVE_PORT = 8765
@@ -53,18 +53,18 @@ def as_given(value: Any, word: str) -> Any:
 @dataclass(frozen=True, kw_only=True)
 class Option:
     """
-    One option: `read(value, word)` makes of what was given the value of a field of RunOptions.
+    One option: `read(value, word)` converts the given text to the value of a field of RunOptions.
 
-    `how` are argparse's words for it. A field with a dot is one of a part of RunOptions. `{name}`
-    in `help` is a fact of the robot's row; `usual` names the one that is the default.
+    `how` has argparse's arguments. A field with a dot belongs to a part of RunOptions. `{name}` in
+    `help` is a fact of the robot's row; `usual` names the fact that is the default.
 
     Raises:
-        UserError: by `read`, what is wrong with the value.
+        UserError: `read` says what is wrong with the value.
     """
 
     word: str
     help: str
-    field: str = ''  # the word's own name, where it is not said
+    field: str = ''  # default: the word's own name
     read: Read = as_given
     of: str = EVERY
     usual: str = ''
@@ -77,7 +77,7 @@ class Option:
 
     @property
     def attribute(self) -> str:
-        """Where argparse keeps it."""
+        """The attribute of argparse's namespace."""
         return self.word.removeprefix('--').replace('-', '_')
 
     def add_to(self, parser: argparse.ArgumentParser, row: RobotRow | None) -> None:
@@ -96,9 +96,9 @@ def read_text(path: str, word: str) -> str:
         UserError: it cannot be read, or is no text.
     """
     try:
-        # For the system's own words; without a wait for who writes to a pipe.
+        # Opened for the system's error text, without waiting for the writer of a pipe.
         open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)).close()
-        # As some editors save it, a text begins with a byte order mark.
+        # Some editors begin a text with a byte order mark.
         return read_file(Path(path), LARGEST_SCRIPT).decode('utf-8-sig')
     except UnicodeDecodeError:
         raise UserError(f'{word} {path}: not a text file') from None
@@ -123,7 +123,7 @@ def read_number(text: str, word: str, most: float = 0.0) -> float:
     Return a number.
 
     Raises:
-        UserError: it is not a number >= 0, or more than the `most` that there may be [s].
+        UserError: it is not a number >= 0, or is more than `most` [s].
     """
     try:
         value = float(text)
@@ -156,7 +156,7 @@ def read_file_name(path: str, word: str) -> Path:
         UserError: there is none.
     """
     if not stat.S_ISREG(_mode(path, word, 'file')):
-        raise UserError(f'{word} {path}: is no file')
+        raise UserError(f'{word} {path}: not a file')
     return Path(path)
 
 
@@ -177,7 +177,7 @@ def read_folders(paths: Sequence[str], word: str = '--package-path') -> tuple[Pa
     Return folders.
 
     Raises:
-        UserError: one is none, or may not be entered.
+        UserError: a path is no folder, or cannot be entered.
     """
     for path in paths:
         if not stat.S_ISDIR(_mode(path, word, 'folder')):
@@ -204,7 +204,7 @@ def read_assignments(texts: Sequence[str], word: str) -> dict[str, str]:
 
 
 def _mode(path: str, word: str, kind: str) -> int:
-    """Return what a path leads to, and its permissions, as stat does."""
+    """Return the type and permissions of a path's target, as stat does."""
     try:
         return os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -219,14 +219,14 @@ REPEATABLE = {'action': 'append'}
 OPTIONS = (
     Option(
         word='--description',
-        help='a xacro or URDF of your own',
+        help='your own xacro or URDF',
         of=ONE,
         usual='description',
         how={'metavar': 'PATH'},
     ),
     Option(
         word='--package-path',
-        help='where package:// and $(find) look first (repeatable)',
+        help='folder that package:// and $(find) search first (repeatable)',
         of=ONE,
         read=read_folders,
         how={**REPEATABLE, 'metavar': 'DIR'},
@@ -241,7 +241,7 @@ OPTIONS = (
     ),
     Option(
         word='--strict',
-        help='refuse a description whose meshes are not where it says',
+        help='refuse a description if a mesh is broken or not where it says',
         of=ONE,
         how=FLAG,
     ),
@@ -262,8 +262,8 @@ OPTIONS = (
     ),
     Option(
         word='--push',
-        help='a force on the robot, world frame [N] (repeatable); with three more numbers at a '
-        "point of the base's frame [m] instead of the centre of mass",
+        help='push the robot for S seconds, world frame [N] (repeatable); three more numbers give '
+        "a point in the base's frame [m]; default: the centre of mass",
         of=ONE,
         field='pushes',
         read=partial(read_each, parse_push),
@@ -271,8 +271,8 @@ OPTIONS = (
     ),
     Option(
         word='--payload',
-        help=f'a load on the base, <= {HEAVIEST:g} kg (a Go2 carries 8), in its frame [m], '
-        'unknown to the controller (default: none; at the origin)',
+        help=f'add a load to the base, <= {HEAVIEST:g} kg (a Go2 carries 8), at a point in its '
+        'frame [m], unknown to the controller (default: none; at the origin)',
         of=ONE,
         field='untold.payload',
         read=lambda text, word: _untold(lambda: Payload.parse(text)),
@@ -291,7 +291,7 @@ OPTIONS = (
     ),
     Option(
         word='--no-open',
-        help='print where the page is, but do not open it in your browser',
+        help="print the page's address, but do not open it in your browser",
         field='opens_page',
         read=lambda given, word: not given,
         how=FLAG,
@@ -303,8 +303,8 @@ OPTIONS = (
     ),
     Option(
         word='--box',
-        help='a box that stands there [m] from T [s] on (repeatable); then its yaw [rad], length '
-        'and width [m], if you like',
+        help='put a box there [m] at time T [s] (repeatable); optional: yaw [rad], then length '
+        'and width [m]',
         field='boxes',
         read=partial(read_each, parse_box),
         how={**REPEATABLE, 'metavar': '"T X Y"'},
@@ -312,54 +312,54 @@ OPTIONS = (
     Option(word='--layout', help='your keyboard (default: qwerty)', how={'choices': LAYOUTS}),
     Option(
         word='--latched',
-        help='an E-STOP (ESC, the page, topic, service) holds until ENTER, the page or a service '
+        help='keep an E-STOP (ESC, page, topic, service) until ENTER, the page or a service '
         'releases it',
         how=FLAG,
     ),
     Option(
         word='--guard',
-        help='no key, stick or program drives into what the lidar sees: it slows down, then stops',
+        help='slow down and stop before any obstacle that the lidar sees, whoever drives',
         how=FLAG,
     ),
     Option(
         word='--gamepad',
-        help='a gamepad drives, too (default: the first /dev/input/js*, whenever it comes)',
+        help='drive with a gamepad, too (default: the first /dev/input/js* that appears)',
         how={'nargs': '?', 'const': '', 'metavar': 'DEVICE'},
     ),
     Option(
         word='--foxglove',
-        help=f'every topic for Foxglove, which may drive, too (default port: {FOXGLOVE_PORT})',
+        help=f'serve every topic to Foxglove, which may drive (default port: {FOXGLOVE_PORT})',
         read=partial(read_whole, 65535),
         how={'nargs': '?', 'type': int, 'const': FOXGLOVE_PORT, 'metavar': 'PORT'},
     ),
     Option(
         word='--map',
-        help='map while driving, or find the way in a map that was saved; a click on the floor '
-        'of the panel Map is a goal, and in the scene with the pointer of the panel View',
+        help='map while driving, or localise in a saved map; a click in the panel Map sets a '
+        'goal, or in the scene with the pointer of the panel View',
         read=read_map,
         how={'nargs': '?', 'const': '', 'metavar': 'FILE.yaml'},
     ),
     Option(
         word='--explore',
-        help='map by itself all that it can reach, as soon as it can drive, and come back',
+        help='map all that the robot can reach, without a driver, then return to the start',
         how=FLAG,
     ),
     Option(
         word='--save-map',
-        help='write the map in the end: NAME.yaml and NAME.pgm',
+        help='write the map at the end: NAME.yaml and NAME.pgm',
         read=lambda name, word: name.removesuffix('.yaml'),
         how={'metavar': 'NAME'},
     ),
     Option(
         word='--goal',
-        help='drive there in the map [m, rad], as soon as it can (repeatable: one after another)',
+        help='drive to a pose in the map [m, rad] (repeatable: one after another)',
         field='goals',
         read=partial(read_each, parse_goal),
         how={**REPEATABLE, 'metavar': '"X Y [YAW]"'},
     ),
     Option(
         word='--play',
-        help='scripted keys: lines "t key [key ...]"',
+        help='press scripted keys: lines "t key [key ...]"',
         field='keys',
         read=partial(read_script, parse_key_script),
         how={'metavar': 'FILE'},
@@ -372,7 +372,7 @@ OPTIONS = (
     ),
     Option(
         word='--speed',
-        help='real-time factor aimed at; 0: as fast as it goes (default 1)',
+        help='target real-time factor; 0: as fast as possible (default 1)',
         read=read_number,
         how={'metavar': 'X'},
     ),
@@ -384,15 +384,15 @@ OPTIONS = (
     ),
     Option(
         word='--friction',
-        help='of feet or wheels on any floor, unknown to the controller (default: the robot file)',
+        help='friction of feet or wheels, unknown to the controller (default: the robot file)',
         field='untold.friction',
         read=read_number,
         how={'metavar': 'MU'},
     ),
     Option(
         word='--discovery',
-        help='who may join over ROS: nobody, this machine, the network (default: localhost, or as '
-        'ROS_AUTOMATIC_DISCOVERY_RANGE says; off for a script at --speed 0)',
+        help='who may join over ROS: nobody, this machine, the network (default: '
+        'ROS_AUTOMATIC_DISCOVERY_RANGE, else localhost; off for a script at --speed 0)',
         how={'choices': RANGES},
     ),
     Option(
@@ -404,7 +404,7 @@ OPTIONS = (
     ),
     Option(
         word='--save-keys',
-        help='write the keys, as --play reads them',
+        help='write the keys as a script for --play',
         read=OutputFile,
         how={'metavar': 'FILE'},
     ),
@@ -413,19 +413,19 @@ OPTIONS = (
     ),
     Option(
         word='--report',
-        help='write what happened as JSON',
+        help='write samples and events as JSON',
         read=OutputFile,
         how={'metavar': 'FILE'},
     ),
     Option(
         word='--estimator',
-        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
+        help='state estimate: from IMU and legs (default), or the true state without noise',
         of=LEGS,
         how={'choices': ('kalman', 'truth')},
     ),
     Option(
         word='--imu-drift',
-        help="how many times that of a good MEMS the IMU's drift is; 0: none (default 1)",
+        help='drift of the IMU, in multiples of a good MEMS; 0: none (default 1)',
         of=LEGS,
         field='untold.imu_drift',
         read=read_number,
@@ -433,8 +433,8 @@ OPTIONS = (
     ),
     Option(
         word='--randomise',
-        help='0 to 1: how much mass, friction, motors, delays and noise differ at random, by '
-        '--seed and unknown to the controller (default 0)',
+        help='0 to 1: vary mass, friction, motors, delays and noise at random, by --seed, '
+        'unknown to the controller (default 0)',
         of=LEGS,
         field='untold.randomise',
         read=read_number,
@@ -442,20 +442,20 @@ OPTIONS = (
     ),
     Option(
         word='--gait',
-        help='which feet step together; n chooses the next while it moves (default: trot)',
+        help='first gait; the key n chooses the next one (default: trot)',
         of=LEGS,
         how={'choices': GAITS},
     ),
     Option(
         word='--limits',
-        help="full stick: good on any ground (sport, default), unitree_guide's, or all that a "
-        'good floor allows (race)',
+        help="speeds at full stick: for any ground (sport, default), unitree_guide's (guide), or "
+        'the fastest for a good floor (race)',
         of=LEGS,
         how={'choices': LIMITS},
     ),
     Option(
         word='--interface',
-        help="unitree: programs of Unitree's SDK command it, high level and low",
+        help="unitree: let programs for Unitree's SDK command it, high and low level",
         of=LEGS,
         how={'choices': ('unitree',)},
     ),
@@ -493,21 +493,21 @@ OPTIONS = (
     ),
     Option(
         word='--policy',
-        help='a network that walks (2, then p): an ONNX or TorchScript file; of a Go2: or ours',
+        help='walk with a network (2, then p): an ONNX or TorchScript file; for a Go2 also: ours',
         of=POLICY,
         how={'metavar': 'FILE'},
     ),
     Option(
         word='--policy-config',
-        help='how it was trained: deploy.yaml of Isaac Lab, config.yaml of rl_sar, legged_gym or '
-        'playground; else its metadata, or such a file beside it',
+        help='settings of its training: deploy.yaml of Isaac Lab, config.yaml of rl_sar, '
+        'legged_gym or playground (default: its metadata, or such a file beside it)',
         of=POLICY,
         how={'metavar': 'FILE'},
     ),
     Option(
         word='--mode',
-        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
-        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
+        help='fake: no physics, wheels follow commands exactly; sim or float (default): physics '
+        'and a PID loop; arbotix: physics and the integer loop of the ArbotiX board',
         of=WHEELS,
         how={'choices': MODES},
     ),
@@ -563,7 +563,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
 
 
 def _untold(make: Callable[[], Any]) -> Any:
-    """Return what an option of what a controller is not told makes; it is named by its option."""
+    """Return what `make` returns; an error names the option. The controller does not know it."""
     try:
         return make()
     except UserError as error:
@@ -590,7 +590,7 @@ def _check_interface(arguments: argparse.Namespace, options: RunOptions) -> None
 
 def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
     """
-    Say now, not after the run, that an output is an input, or another output.
+    Refuse, before the run, an output that is also an input or another output.
 
     Raises:
         OutputError: which.

@@ -17,12 +17,12 @@ DISTRIBUTIONS = ('wasd-robots', 'wasd_bringup')
 EXAMPLES = (
     ('go2', 'stand, trot and walk a Unitree Go2'),
     ('mbot --preset wasd', 'drive a small wheeled robot'),
-    ('demo', 'watch both, without a key'),
+    ('demo', 'watch both robots on a scripted tour'),
 )
 BOTH_EXAMPLES = (
-    ('both', 'TAB goes from one to the other'),
+    ('both', 'TAB selects the other robot'),
     ('both --world room', 'in a room'),
-    ('both --record run.mcap', 'to be shown again: wasd replay run.mcap'),
+    ('both --record run.mcap', 'record; wasd replay run.mcap shows it'),
 )
 ROS = '--ros-args ... goes to the nodes: -r __ns:=/robot1, -r odom:=wheel_odom, -p name:=value'
 
@@ -70,7 +70,7 @@ def version() -> str:
 
 def add_replay_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a replay."""
-    parser.add_argument('file', metavar='FILE.mcap', help='what --record wrote')
+    parser.add_argument('file', metavar='FILE.mcap', help='a file written by --record')
     parser.add_argument(
         '--drive',
         action='store_true',
@@ -79,7 +79,9 @@ def add_replay_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--viewer', choices=VIEWERS, help='default: web on a terminal, else none')
     parser.add_argument('--port', type=int, default=0, metavar='N', help='port of the page')
     parser.add_argument(
-        '--speed', metavar='X', help='1 is as it was, 0 as fast as it goes (default 1; 0 unseen)'
+        '--speed',
+        metavar='X',
+        help='1: original speed, 0: as fast as possible (default 1; 0 if unseen)',
     )
 
 
@@ -89,45 +91,41 @@ def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
         '--description',
         default=MBOT.description,
         metavar='PATH',
-        help='a xacro or URDF of your own',
+        help='your own xacro or URDF',
     )
     parser.add_argument(
         '--package-path',
         action='append',
         default=[],
         metavar='DIR',
-        help='where package:// and $(find) look first (repeatable)',
+        help='folder that package:// and $(find) search first (repeatable)',
     )
     parser.add_argument(
-        '--controller', metavar='FILE', help="YAML with the drive's parameters, to be calibrated"
+        '--controller', metavar='FILE', help="YAML with the drive's parameters to calibrate"
     )
     parser.add_argument(
-        '--wheel-separation', type=float, metavar='M', help='what the controller believes it is'
+        '--wheel-separation', type=float, metavar='M', help="the controller's value"
     )
+    parser.add_argument('--left-radius', type=float, metavar='M', help="the controller's value")
+    parser.add_argument('--right-radius', type=float, metavar='M', help="the controller's value")
     parser.add_argument(
-        '--left-radius', type=float, metavar='M', help='what the controller believes it is'
-    )
-    parser.add_argument(
-        '--right-radius', type=float, metavar='M', help='what the controller believes it is'
-    )
-    parser.add_argument(
-        '--side', type=float, default=1.0, metavar='M', help='of the squares (default 1)'
+        '--side', type=float, default=1.0, metavar='M', help='side of the squares (default 1)'
     )
     parser.add_argument(
         '--runs', type=int, default=3, metavar='N', help='squares each way (default 3)'
     )
-    parser.add_argument('--seed', type=int, default=0, metavar='N', help='of their speeds')
+    parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed of their speeds')
     parser.add_argument('--output', metavar='FILE', help='YAML to write, for --controller')
 
 
 def add_describe_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd describe`."""
-    parser.add_argument('kind', choices=('policy',), metavar='policy', help='what FILE is')
+    parser.add_argument('kind', choices=('policy',), metavar='policy', help='the kind of FILE')
     parser.add_argument('path', metavar='FILE', help='an ONNX or TorchScript file, or ours')
     parser.add_argument(
-        '--policy-config', metavar='FILE', help='how it was trained, where FILE does not say it'
+        '--policy-config', metavar='FILE', help='settings of its training, if FILE has none'
     )
-    parser.add_argument('--no-trial', action='store_true', help='read it, do not walk with it')
+    parser.add_argument('--no-trial', action='store_true', help='only read it, do not walk')
 
 
 def _count(text: str) -> int:
@@ -149,16 +147,18 @@ def _rate(text: str) -> float:
 def add_graph_commands(commands: Any) -> None:
     """Declare `topics`, `echo`, `hz`, `pub`, `call` and `params`."""
     topics = _add(commands, 'topics', 'list the topics of all running nodes')
-    topics.add_argument('-t', '--show-types', action='store_true', help='with their types')
+    topics.add_argument('-t', '--show-types', action='store_true', help='show their types, too')
     echo = _add(commands, 'echo', 'print the messages of a topic')
     echo.add_argument('topic', metavar='TOPIC')
     echo.add_argument(
         'type', nargs='?', metavar='TYPE', help='e.g. std_msgs/msg/String: wait for the topic'
     )
     echo.add_argument('--once', action='store_true', help='print one message and exit')
-    echo.add_argument('--field', metavar='PATH', help='only this, e.g. pose.pose.position')
+    echo.add_argument(
+        '--field', metavar='PATH', help='print only this field, e.g. pose.pose.position'
+    )
     echo.add_argument('-f', '--full-length', action='store_true', help='do not cut long arrays')
-    hz = _add(commands, 'hz', 'print how often messages come on a topic')
+    hz = _add(commands, 'hz', 'print the rate of messages on a topic')
     hz.add_argument('topic', metavar='TOPIC')
     hz.add_argument(
         '-w', '--window', type=_count, default=10000, metavar='N', help='over the last N messages'
@@ -169,17 +169,26 @@ def add_graph_commands(commands: Any) -> None:
         'rest',
         nargs='*',
         metavar='[TYPE] [VALUES]',
-        help='its type, that of the topic if left out, and the fields, e.g. "{linear: {x: 0.3}}"',
+        help='type (default: that of the topic) and fields, e.g. "{linear: {x: 0.3}}"',
     )
     pub.add_argument(
         '-r', '--rate', type=_rate, default=1.0, metavar='HZ', help='messages a second (default 1)'
     )
     times = pub.add_mutually_exclusive_group()
     times.add_argument(
-        '-1', '--once', dest='times', action='store_const', const=1, help='one message, then exit'
+        '-1',
+        '--once',
+        dest='times',
+        action='store_const',
+        const=1,
+        help='publish one message, then exit',
     )
     times.add_argument(
-        '-t', '--times', type=_count, metavar='N', help='so many, once somebody listens, then exit'
+        '-t',
+        '--times',
+        type=_count,
+        metavar='N',
+        help='wait for a subscriber, publish N messages, then exit',
     )
     call = _add(commands, 'call', 'call a service')
     call.add_argument('service', metavar='SERVICE')
@@ -187,7 +196,7 @@ def add_graph_commands(commands: Any) -> None:
         'rest',
         nargs='*',
         metavar='[TYPE] [YAML]',
-        help='its type, looked up if left out, and the request, e.g. "{data: true}"',
+        help='type (default: that of the service) and request, e.g. "{data: true}"',
     )
     params = _add(commands, 'params', "list, get or set a node's parameters")
     params.add_argument('node', metavar='NODE')
