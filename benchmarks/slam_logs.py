@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from diff_drive_sim.odometry import grow_covariance, Growth, PlanarCovariance
 from mujoco_sim.flats import Flat
-from mujoco_sim.parameters import AS_DESCRIBED, IDEAL
+from mujoco_sim.parameters import HONEST, IDEAL
 from mujoco_sim.sensors.lidar import LidarTag, with_model
 from mujoco_sim.sensors.table import read_sensor_tags
 from numba import njit
@@ -29,11 +29,11 @@ CLEARANCE = 0.30  # of the way from the walls [m]
 LOOK_AHEAD = 0.35  # [m]
 
 
-def lidar_of(name: str, model: str = AS_DESCRIBED) -> LidarTag:
+def lidar_of(name: str, model: str = HONEST) -> LidarTag:
     """Return a robot's lidar as its description has it, or as another model would measure."""
     tags = read_sensor_tags(load_robot(name).robot).kinds[0]
     (tag,) = (tag for tag in tags if isinstance(tag, LidarTag))
-    return tag if model == AS_DESCRIBED else with_model(tag, model)
+    return tag if model == HONEST else with_model(tag, model)
 
 
 A1, MBOT_LIDAR = lidar_of('mbot'), lidar_of('mbot', IDEAL)

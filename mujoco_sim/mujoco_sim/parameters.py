@@ -21,9 +21,9 @@ FRICTION = (0.01, 2.0)
 HEAVIEST = 100.0
 # How often others' controllers are told the state [Hz], and those who only watch.
 STATE_RATE = 100.0
-# Planar lidars by name: as its tag has it, all rays of one instant, or one that is sold.
-AS_DESCRIBED, IDEAL = 'described', 'ideal'
-LIDAR_NAMES = (AS_DESCRIBED, IDEAL, 'a1', 'lds', 's2')
+# Lidars by name: as the tag says, all rays of one instant, or a planar one that is sold.
+HONEST, IDEAL = 'honest', 'ideal'
+LIDAR_NAMES = (HONEST, IDEAL, 'a1', 'lds', 's2')
 SHOWN_RATE = 50.0
 simulator = Executable(
     name='simulator',
@@ -81,8 +81,8 @@ class SimulatorParameters(Parameters):
         read_only=True,
     )
     lidar: str = parameter(
-        AS_DESCRIBED,
-        doc='What a planar lidar is like: as its tag says, all rays of one instant, or a model',
+        HONEST,
+        doc='What lidars are like: as their tags say, all rays of one instant, or a planar model',
         choices=LIDAR_NAMES,
         read_only=True,
     )

@@ -6,6 +6,7 @@ from descriptions import robot_named
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 from robot_description.urdf import parse_urdf
 
 LIDAR = """
@@ -231,3 +232,18 @@ def test_topics_are_made_of_what_ros_allows():
     assert found.topic == '_2d_lidar/front_left'
     (_, (camera,), _), _ = read('<sensor type="camera" name="front-camera"><camera/></sensor>')
     assert camera.colour_topic == 'front_camera/image_raw'
+
+
+@pytest.mark.parametrize('asked', [False, True])
+def test_the_camera_in_the_go2s_head_is_there_where_it_is_asked_for(asked):
+    robot = load_robot('go2', arguments={'camera': 'true'} if asked else {}).robot
+    _, cameras, _ = read_sensor_tags(robot).kinds
+    assert len(cameras) == asked
+    for camera in cameras:
+        assert (camera.width, camera.height, camera.rate) == (1280, 720, 15.0)
+        assert camera.field_of_view == pytest.approx(math.radians(100.0))
+        topics = 'camera/image_raw', 'camera/depth/image_raw'
+        assert (camera.colour_topic, camera.depth_topic) == topics
+        assert camera.frame == 'front_camera_optical_frame'
+        optical = robot.joints['front_camera_optical_joint'].pose.rotation
+        np.testing.assert_allclose(optical @ (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), atol=1e-9)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import dataclass
+import io
 import math
 
 from mujoco_sim.parameters import SimulatorParameters
@@ -9,13 +10,14 @@ from mujoco_sim.sensors.table import SensorKind, SENSORS
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
 import numpy as np
+import PIL.Image
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from sensor_msgs.msg import CameraInfo, Image, LaserScan, Range
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, LaserScan, Range
 from wasd_core.errors import SimulationError
 
 pytestmark = pytest.mark.slow
@@ -174,6 +176,22 @@ def test_pictures_come_30_times_a_second_and_depth_is_in_metres(
     metres = np.frombuffer(depth.data.tobytes(), dtype=np.float32).reshape(120, 160)
     assert metres[60, 80] == pytest.approx(3.0 - 0.17, abs=0.01)
     node.close()
+
+
+@pytest.mark.skipif(find_renderer() is None, reason='no EGL, no OSMesa')
+def test_colours_come_as_jpegs_too_and_are_the_same_picture(start, listen, run, spawn, spin_until):
+    node = start(Parameter('sensor_noise', value=False))
+    plain = listen(Image, 'camera/image_raw')
+    packed = listen(CompressedImage, 'camera/image_raw/compressed')
+    run(node, 100, ['camera/image_raw', 'camera/image_raw/compressed'])
+    spin_until(spawn.pump, lambda: plain and packed)
+    image, jpeg = plain[0], packed[0]
+    assert (jpeg.header, jpeg.format) == (image.header, 'rgb8; jpeg compressed bgr8')
+    pixels = np.asarray(PIL.Image.open(io.BytesIO(jpeg.data)), float)
+    wanted = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, 3)
+    assert pixels.shape == wanted.shape
+    assert np.abs(pixels - wanted).mean() < 3.0
+    assert len(jpeg.data) < 0.2 * len(image.data)
 
 
 def test_without_a_renderer_it_says_so_once_and_goes_on(start, listen, run, monkeypatch, capfd):

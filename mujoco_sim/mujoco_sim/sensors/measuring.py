@@ -9,7 +9,7 @@ import numpy as np
 from robot_description.description import Description
 from wasd_core.timing import Beat
 
-from mujoco_sim.parameters import AS_DESCRIBED, IDEAL, SimulatorParameters
+from mujoco_sim.parameters import HONEST, IDEAL, SimulatorParameters
 from mujoco_sim.sensors.cloud import CloudTag, idealised
 from mujoco_sim.sensors.lidar import LidarTag, with_model
 from mujoco_sim.sensors.mount import Fields, Mount, Site
@@ -72,7 +72,7 @@ class Sensors:
         for tags, kind in zip(found.kinds, SENSORS, strict=True):
             for tag in tags:
                 own = replace(tag, frame=world.prefix + tag.frame)
-                if isinstance(own, LidarTag) and settings.lidar != AS_DESCRIBED:
+                if isinstance(own, LidarTag) and settings.lidar != HONEST:
                     own = with_model(own, settings.lidar)
                 elif isinstance(own, CloudTag) and settings.lidar == IDEAL:
                     own = idealised(own)

@@ -2,11 +2,13 @@
 """Publishes what sensors measure, for who has subscribed."""
 
 import array
+import io
 
 import numpy as np
+from PIL import Image
 from rclpy.node import Node
 import sensor_msgs.msg
-from sensor_msgs.msg import PointField
+from sensor_msgs.msg import CompressedImage, PointField
 from std_msgs.msg import Header
 from wasd_core.messages import to_stamp
 from wasd_core.streams import visible
@@ -17,6 +19,9 @@ from mujoco_sim.sensors.mount import Fields
 
 # Made only when somebody looks: a recording of everything would be 80 MB a second.
 LARGE = ('Image', 'PointCloud2')
+# How topics of colours end; those of depths have another.
+COLOURS, DEPTHS = 'image_raw', 'depth/image_raw'
+QUALITY = 85  # of JPEGs
 
 
 def publish_sensors(node: Node, sensors: Sensors) -> None:
@@ -44,6 +49,28 @@ def _publish_topic(node: Node, topic: SensorTopic) -> None:
         publisher.publish(message_type(header=header, **fields))
 
     topic.listen(publish, is_wanted)
+    if topic.name.endswith(COLOURS) and not topic.name.endswith(DEPTHS):
+        _publish_compressed(node, topic)
+
+
+def _publish_compressed(node: Node, topic: SensorTopic) -> None:
+    """Publish a camera's colours as JPEGs, by the name that image_transport gives them."""
+    frame = topic.frame
+    publisher = node.create_publisher(CompressedImage, f'{topic.name}/compressed', RELIABLE)
+
+    def publish(now: float, fields: Fields) -> None:
+        shape = fields['height'], fields['width'], 3
+        pixels = np.frombuffer(fields['data'], np.uint8).reshape(shape)
+        written = io.BytesIO()
+        Image.fromarray(pixels).save(written, 'JPEG', quality=QUALITY)
+        message = CompressedImage(
+            header=Header(stamp=to_stamp(now), frame_id=frame),
+            format='rgb8; jpeg compressed bgr8',
+            data=array.array('B', written.getvalue()),
+        )
+        publisher.publish(message)
+
+    topic.listen(publish, lambda: has_subscriber(node, publisher))
 
 
 # What PointCloud2 calls numpy's types.

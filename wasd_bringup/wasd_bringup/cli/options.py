@@ -17,7 +17,7 @@ from pathlib import Path
 import stat
 from typing import Any
 
-from mujoco_sim.parameters import HEAVIEST, Payload, Untold, WORLD_NAMES
+from mujoco_sim.parameters import HEAVIEST, LIDAR_NAMES, Payload, Untold, WORLD_NAMES
 from quadruped_sim.presets import GAITS, LIMITS
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import LAYOUTS
@@ -388,6 +388,12 @@ OPTIONS = (
         field='untold.friction',
         read=read_number,
         how={'metavar': 'MU'},
+    ),
+    Option(
+        word='--lidar',
+        help='honest: each ray at its own time, with noise and gaps (default); ideal: all rays of '
+        'one instant; or a planar lidar that is sold',
+        how={'choices': LIDAR_NAMES},
     ),
     Option(
         word='--discovery',

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from mujoco_sim.parameters import Untold
+from mujoco_sim.parameters import HONEST, Untold
 from teleop_keyboard.key_script import KeyPress
 from wasd_core.network import SAYS_WHO, set_range
 from wasd_core.output_file import OutputFile
@@ -52,6 +52,7 @@ class RunOptions:
     speed: float = 1.0
     seed: int = 0
     untold: Untold = Untold()
+    lidar: str = HONEST
     record: OutputFile | None = None
     report: OutputFile | None = None
     save_keys: OutputFile | None = None

@@ -85,7 +85,7 @@ class Robot(ABC):
         self._is_mute = False
         self.drivers = Drivers(self.stops, self.latches, holds_stops=options.latched)
         complain = logging.getLogger('wasd.simulator').error
-        self.sensors = Sensors(loaded, world, SimulatorParameters(), complain)
+        self.sensors = Sensors(loaded, world, SimulatorParameters(lidar=options.lidar), complain)
         simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
         self.on_key: list[Callable[[str], None]] = []
         self.on_velocity: list[Callable[[FullVelocity], None]] = []
