@@ -314,7 +314,7 @@ class DiffDriveControllerNode(Node):
             self.controller.forget_command()
             if was_driven:
                 self.get_logger().warning(
-                    f'stood still for {gap:.1f} s: stops until a new velocity comes'
+                    f'was paused for {gap:.1f} s: stops until a new velocity comes'
                 )
 
     def _on_twist(self, message: Twist, age: float = 0.0) -> None:

@@ -35,7 +35,9 @@ from diff_drive_sim.wheel_loop import (
 Controller = DiffDriveController | LegacyController
 # Of the torque that motors have a ramp uses so much: the loop needs some, too.
 USED_SHARE = 0.8
-JUMPED = 'the wheel angles have jumped (was the robot reset?): odometry goes on from where it was'
+JUMPED = (
+    'the wheel angles have jumped (was the robot reset?): odometry continues from its last pose'
+)
 # That is said again only after this [s].
 JUMPS_SAID = 5.0
 

@@ -60,7 +60,7 @@ class SimulatorParameters(Parameters):
         minimum=0.001,
         maximum=1000.0,
         or_zero=True,
-        doc='Real-time factor aimed at; 0 is as fast as it goes',
+        doc='Real-time factor aimed at; 0 is as fast as possible',
     )
     clock_rate: float = parameter(
         100.0, minimum=1.0, maximum=1000.0, doc='Rate of /clock', unit='Hz', read_only=True

@@ -85,7 +85,7 @@ class Physics:
         if any(self._divergences.tolist()):
             raise SimulationError(
                 f'the physics diverged at {self.tick * self.time_step:.3f} s: '
-                'a push, a load, a speed or a mass is beyond what a rigid body can take'
+                'a push, a load, a speed or a mass is too large for the simulation'
             )
 
     def _advance(self, count: int) -> None:

@@ -45,7 +45,7 @@ def look(path: Path) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(lines[-1])
     except (ValueError, IndexError):
         raise PolicyError(
-            f'the network breaks what runs it (status {done.returncode}): too large, or no ONNX'
+            f'the network crashes its runtime (status {done.returncode}): too large, or no ONNX'
         ) from None
     if 'error' in found:
         raise PolicyError(found['error'])

@@ -455,7 +455,7 @@ def legged_gym() -> PolicySpec:
         action_clip=((-100.0,) * 12, (100.0,) * 12),
         observation_clip=100.0,
         ranges=((-1.0, 1.0),) * 3,
-        assumed=('all of it: legged_gym writes nothing of a policy',),
+        assumed=('all settings: legged_gym writes none for a policy',),
     )
 
 
@@ -485,7 +485,7 @@ def playground() -> PolicySpec:
             )
         ),
         ranges=((-1.5, 1.5), (-0.8, 0.8), (-1.2, 1.2)),
-        assumed=('all of it: MuJoCo Playground writes nothing of a policy',),
+        assumed=('all settings: MuJoCo Playground writes none for a policy',),
     )
 
 

@@ -73,7 +73,7 @@ class JointController:
         for name in player.joints:
             if name not in self.joints:
                 raise PolicyError(
-                    f'policy: joint {name} is none of this robot{suggest(name, self.joints)}'
+                    f'policy: joint {name} is not in this robot{suggest(name, self.joints)}'
                 )
         if any(term.name == 'linear_velocity' for term in player.spec.terms):
             raise PolicyError(
@@ -124,7 +124,7 @@ class JointController:
             if self._settled < SETTLE_TIME and self.state is State.STAND:
                 return 'press p again in a second: it still goes to its pose'
         if wanted is State.STAND and self.is_fallen:
-            return 'press h to have the hoist raise it, or BACKSPACE (it has fallen)'
+            return 'press h to raise it by the hoist, or BACKSPACE (it has fallen)'
         return ''
 
     def press(self, key: str) -> str:
@@ -169,7 +169,7 @@ class JointController:
         senses = [joints.position, joints.velocity, *(imu or ())]
         if imu is None or not all(np.isfinite(part).all() for part in senses):
             if self.state is not State.PASSIVE:
-                self.let_go('the readings are no numbers: motors damp')
+                self.let_go('the readings are not numbers: motors damp')
             return self._damping()
         self._watch(math.acos(min(max(-float(gravity_in_base(imu.orientation)[2]), -1.0), 1.0)))
         if self.state is State.PASSIVE:
@@ -200,7 +200,7 @@ class JointController:
             self.is_fallen = True
             if self.state is not State.PASSIVE:
                 self.let_go(
-                    'fallen: h has the hoist raise it, BACKSPACE puts it back '
+                    'fallen: h raises it by the hoist, BACKSPACE puts it back '
                     f'(motors damp beyond a tilt of {math.degrees(FALL_TILT):.0f} deg)'
                 )
 

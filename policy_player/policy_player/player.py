@@ -50,7 +50,7 @@ class Player:
         """
         Return the targets for an instant `dt` [s] after the one before; `command` is (3,).
 
-        When the network says what is no number, targets stay and `failure` says so.
+        When the output of the network is not a number, targets stay and `failure` says so.
         """
         self._wait -= dt
         if self._wait > _ALMOST * self.spec.period or self.failure:
@@ -60,7 +60,7 @@ class Player:
         self._wait = late + self.spec.period
         heights = self.heights() if self.spec.has_height_scan else None
         if self.spec.has_height_scan and heights is None:
-            self.failure = 'nothing tells the heights around the robot'
+            self.failure = 'there are no heights of the ground around the robot'
             return self._targets
         self.observation = self._observer.step(senses, command, self.action, heights)
         try:
@@ -69,7 +69,7 @@ class Player:
             self.failure = f'the network broke: {" ".join(str(error).split())[:100]}'
             return self._targets
         if action.shape != self.action.shape or not np.isfinite(action).all():
-            self.failure = 'the network says what is no number'
+            self.failure = 'the output of the network is not a number'
             return self._targets
         self.action = np.clip(action, *self._action_clip)
         self._targets = self._towards(self.action)

@@ -105,7 +105,7 @@ def _specification(
         beside = path.parent / name
         if beside.is_file():
             return _read_config(beside), str(beside)
-    raise PolicyError(f'nothing says how it was trained: {CURE}')
+    raise PolicyError(f'its training settings are missing: {CURE}')
 
 
 def _read_config(path: Path) -> PolicySpec:

@@ -236,7 +236,7 @@ def term_name(called: str, names: Mapping[str, str] = NAMES) -> str:
     """
     if called not in names:
         raise PolicyError(
-            f'observation {called!r}: this robot does not tell it{suggest(called, names)}'
+            f'observation {called!r}: this robot does not measure it{suggest(called, names)}'
         )
     return names[called]
 

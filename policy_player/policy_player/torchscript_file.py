@@ -43,7 +43,7 @@ class Module:
     def __setstate__(self, state: Any) -> None:
         """Take the members that the file tells."""
         if not isinstance(state, dict):
-            raise PolicyError(f'a module of the file is none: {CURE}')
+            raise PolicyError(f'a module of the file is not one: {CURE}')
         self.members = state
 
     @property
@@ -88,7 +88,7 @@ def read_torchscript(data: bytes) -> LayeredNetwork:
     except (KeyError, AttributeError, TypeError, IndexError, ValueError) as error:
         if isinstance(error, PolicyError):
             raise
-        raise PolicyError(f'its layers are not told as expected: {CURE}') from None
+        raise PolicyError(f'its layers have an unknown format: {CURE}') from None
 
 
 def _unpack(archive: zipfile.ZipFile) -> dict[str, bytes]:
@@ -126,19 +126,19 @@ class _Unpickler(pickle.Unpickler):
             return STORAGES[name]
         if (module, name) == ('collections', 'OrderedDict'):
             return OrderedDict
-        raise PolicyError(f'asks for {module}.{name}: not given, nothing of it was run; {CURE}')
+        raise PolicyError(f'asks for {module}.{name}: refused, no code was run; {CURE}')
 
     def persistent_load(self, pid: Any) -> np.ndarray:
         """Return the numbers of a storage: ('storage', its type, its file, device, count)."""
         if not (isinstance(pid, tuple) and len(pid) >= 3 and pid[0] == 'storage'):
-            raise PolicyError(f'a tensor of the file is none: {CURE}')
+            raise PolicyError(f'a tensor of the file is not one: {CURE}')
         return np.frombuffer(self._files[f'data/{pid[2]}'], pid[1])
 
 
 def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
     """Return a copy of a view on a storage; what would lie outside it is refused."""
     if not isinstance(storage, np.ndarray):
-        raise PolicyError(f'a tensor of the file is none: {CURE}')
+        raise PolicyError(f'a tensor of the file is not one: {CURE}')
     last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True))
     count = int(np.prod(size, dtype=object))
     if min((offset, *size, *stride, 0)) < 0 or count > len(storage) or last >= len(storage):

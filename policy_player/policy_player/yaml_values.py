@@ -46,7 +46,7 @@ def _value(node: yaml.Node) -> Any:
         if node.tag != _TUPLE or not isinstance(node, yaml.SequenceNode):
             tag = node.tag.removeprefix('tag:yaml.org,2002:')
             raise PolicyError(
-                f':{node.start_mark.line + 1}: !!{tag} is refused, nothing of it was run: '
+                f':{node.start_mark.line + 1}: !!{tag} is refused, no code was run: '
                 'write the value itself'
             )
     if isinstance(node, yaml.MappingNode):

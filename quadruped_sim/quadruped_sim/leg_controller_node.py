@@ -180,7 +180,7 @@ class LegControllerNode(Node):
         """Begin without a velocity after this process stood still: nobody knows who wants it."""
         # Where somebody else steps, robot and process stood still together.
         if self.readings is not None and self.legs.forget_velocity():
-            self.get_logger().warning(f'stood still for {gap:.1f} s: waiting for a new cmd_vel')
+            self.get_logger().warning(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')
 
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.on_e_stop()
@@ -225,7 +225,7 @@ class LegControllerNode(Node):
 
     def _on_lost_keyboard(self) -> None:
         if self.legs.centre_sticks():
-            self._warn('nobody publishes keys any more: sticks centred')
+            self._warn('the last publisher of keys is gone: sticks centred')
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)

@@ -176,7 +176,7 @@ def load_policy(path: str, config: str) -> Walker | None:
     """
     if not path:
         if config:
-            raise UserError('policy_config: it tells of a network, give it by policy')
+            raise UserError('policy_config needs a network: set policy')
         return None
     # Here, because few play one.
     from policy_player.player import Player

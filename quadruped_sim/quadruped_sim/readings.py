@@ -91,7 +91,7 @@ class Readings:
             return
         if now < previous:
             self._legs.reset()
-            self._warn('time went back, as of a simulator that was started again: passive')
+            self._warn('time went back (was the simulator restarted?): passive')
             return
         if abs(now - at) > MAXIMUM_STEP:
             self._warn('imu/data is silent: no commands')

@@ -308,7 +308,7 @@ def check(package: Package, made: Path) -> None:
     result = subprocess.run(command, env=environment, capture_output=True, text=True)
     if result.returncode:
         why = (result.stderr.splitlines() or [f'status {result.returncode}'])[-1]
-        raise CannotBuild(f'what was built does not work: {why}')
+        raise CannotBuild(f'the built package does not work: {why}')
 
 
 def install(package: Package, made: Path, place: Place) -> None:

@@ -52,7 +52,7 @@ def _add(
 ) -> OneLineParser:
     parser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
     parser.add_argument('path', metavar='PATH', help='a xacro or URDF file, or go2, or mbot')
-    text = 'where package:// and $(find) look first'
+    text = 'folder that package:// and $(find) search first'
     _add_repeatable(parser, '--package-path', 'DIR', text, type=_folder)
     return parser
 
@@ -67,12 +67,12 @@ def _add_repeatable(
 
 def _add_expand(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
     parser = _add(commands, 'expand', 'print the URDF of a xacro file')
-    parser.add_argument('--output', type=Path, metavar='FILE', help='write it there instead')
+    parser.add_argument('--output', type=Path, metavar='FILE', help='write to this file instead')
     parser.set_defaults(run=_expand)
 
 
 def _add_lint(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
-    parser = _add(commands, 'lint', 'say what is wrong, where, and how to cure it')
+    parser = _add(commands, 'lint', 'list mistakes, their places and their cures')
     parser.add_argument('--json', action='store_true', help='print JSON')
     parser.add_argument('--strict', action='store_true', help='status 1 on warnings, too')
     _add_repeatable(parser, '--expect', 'JOINT', 'a joint name that a controller looks for')
@@ -80,10 +80,10 @@ def _add_lint(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
 
 
 def _add_fix(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
-    parser = _add(commands, 'fix', 'mend what can be mended; prints a diff, writes nothing')
-    text = 'another name for a joint, wherever it is named'
+    parser = _add(commands, 'fix', 'repair the file; prints a diff, writes nothing')
+    text = 'rename a joint in all files'
     _add_repeatable(parser, '--rename', 'OLD:=NEW', text)
-    text = f'mend only that: {", ".join(MENDABLE)}'
+    text = f'mend only these: {", ".join(MENDABLE)}'
     _add_repeatable(parser, '--only', 'CODE', text, choices=MENDABLE)
     parser.add_argument(
         '--output', type=Path, metavar='PATH', help='a new file, or a folder for the whole package'
@@ -122,7 +122,7 @@ def _expand(options: argparse.Namespace) -> int:
         sys.stdout.write(expansion.urdf)
     else:
         if identity(options.output) in {identity(file) for file in expansion.files}:
-            raise UserError(f'--output {options.output}: is a source; it is not written over')
+            raise UserError(f'--output {options.output}: is a source; it is not overwritten')
         data = expansion.urdf.encode(errors='backslashreplace')
         OutputFile(options.output, '--output').write(data)
     return 0

@@ -235,7 +235,7 @@ class _KeymapReader:
             if not isinstance(key, yaml.ScalarNode):
                 self._fail(key, where, 'a key must be text')
             if key.value in found:
-                self._fail(key, key.value, 'stands here for the second time')
+                self._fail(key, key.value, 'appears here for the second time')
             found[key.value] = value
         return found
 

@@ -109,7 +109,7 @@ class Mux:
             names = [entry.name for entry in table]
             twice = {name for name in names if names.count(name) > 1}
             if twice:
-                raise InvalidParameter(f'{min(twice)} stands twice in the table')
+                raise InvalidParameter(f'{min(twice)} appears twice in the table')
         self._sources = {source.name: source for source in sources}
         self._locks = {lock.name: lock for lock in locks}
 

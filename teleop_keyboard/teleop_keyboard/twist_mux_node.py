@@ -44,12 +44,12 @@ STEP_PERIOD = 0.02
 ROW_FIELDS = {
     'topics': {
         'topic': 'Where the source sends its velocities',
-        'timeout': 'The source is lost when silent for so long; 0: never',
+        'timeout': 'The source is lost after this silence; 0: never',
         'priority': 'The highest that is alive drives; 0: never',
     },
     'locks': {
         'topic': 'Where the lock is closed by true',
-        'timeout': 'The lock closes when silent for so long; 0: it keeps its word',
+        'timeout': 'The lock closes after this silence; 0: it keeps its last value',
         'priority': 'Closed, it stops every source of a lower priority',
     },
 }

@@ -69,7 +69,7 @@ def test_a_run_says_in_a_line_what_is_wrong_and_goes_without_it_where_that_can_b
         assert errors.startswith('error: ROS cannot be loaded: /dev/shm is full')
     else:
         assert run.returncode == 0
-        assert errors.startswith('wasd: over UDP, as shared memory is not to be used: /dev/shm')
+        assert errors.startswith('wasd: uses UDP instead of shared memory: /dev/shm')
 
 
 @pytest.mark.parametrize('number', STOPS)
@@ -91,7 +91,7 @@ def test_each_signal_ends_a_run_that_found_it(state, number):
 def test_a_node_that_is_started_alone_says_it_and_works():
     with start('empty ports of another user', KEYS) as node:
         assert node.stderr is not None
-        assert 'over UDP' in node.stderr.readline()
+        assert 'uses UDP' in node.stderr.readline()
         node.send_signal(signal.SIGTERM)
         node.communicate(timeout=PATIENCE)
     assert node.returncode == 128 + signal.SIGTERM

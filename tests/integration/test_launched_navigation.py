@@ -58,7 +58,7 @@ def test_a_launched_robot_maps_and_drives_to_a_goal(
         spawn.pump.handle(0.05)
 
     def ask() -> None:
-        # Again, for a machine that is too busy: a node that stood still forgets its goal.
+        # Again, for a machine that is too busy: a node that was paused forgets its goal.
         if len(places) % 50 == 1:
             goals.publish(goal)
         look()

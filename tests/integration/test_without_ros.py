@@ -78,7 +78,7 @@ def test_what_needs_ros_is_refused_in_a_line(words: str, tmp_path: Path) -> None
     done = wasd(['mbot', '--no-ros', '--duration', '1', *words.split()], tmp_path)
     assert done.returncode == 2
     option = words.split()[0]
-    line = f'error: {option} needs ROS, and this run is without (--no-ros)'
+    line = f'error: {option} needs ROS, but this run has none (--no-ros)'
     assert done.stderr.splitlines()[0] == line
     assert not list(tmp_path.iterdir())
 

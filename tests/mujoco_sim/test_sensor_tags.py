@@ -180,8 +180,8 @@ BROKEN = {
         '<sensor type="camera" name="eye"><camera><image><width>99999</width></image></camera>'
         '</sensor>'
     ),
-    "'eye' has the type 'sonic', which is none of Gazebo": lidar(kind='sonic'),
-    "'' has the type '', which is none of Gazebo": '<sensor/>',
+    "'eye' has the type 'sonic', which Gazebo does not know": lidar(kind='sonic'),
+    "'' has the type '', which Gazebo does not know": '<sensor/>',
 }
 
 
@@ -202,8 +202,8 @@ def test_limits_that_are_exchanged_are_taken_the_other_way_round_and_said():
     assert (found.min_range, found.max_range) == (0.1, 30.0)
     assert notes == [
         "sensor 'eye': scan/horizontal: min_angle and max_angle are exchanged (2.27, -2.27): "
-        'taken the other way round',
-        "sensor 'eye': range: min and max are exchanged (30, 0.1): taken the other way round",
+        'swapped',
+        "sensor 'eye': range: min and max are exchanged (30, 0.1): swapped",
     ]
 
 
@@ -223,7 +223,7 @@ def test_of_a_lidar_with_many_rows_one_is_simulated_and_that_is_said():
     rows = '<vertical><samples>16</samples></vertical></scan>'
     (found, *_), notes = read(lidar().replace('</scan>', rows))
     assert len(found) == 1
-    assert notes == ["sensor 'eye': of its rows of rays, one is simulated"]
+    assert notes == ["sensor 'eye': only one of its rows of rays is simulated"]
 
 
 def test_topics_are_made_of_what_ros_allows():

@@ -86,7 +86,7 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
     lowest, tilt = pass_time(run, 3.0)
     assert (robot.state, robot.status().state) == ('passive', 'fallen')
     assert lowest < 0.4
-    assert robot.notice.text.startswith('fallen: h has the hoist raise it')
+    assert robot.notice.text.startswith('fallen: h raises it by the hoist')
     run.press('2')
     assert robot.state == 'passive'
     run.press('h')
@@ -226,7 +226,7 @@ def test_another_biped_is_held_and_moved_by_a_network_of_its_joints(run_of, tmp_
     for keys, seconds in (('2', 2.0), ('p', 1.0), ('h', 3.0)):
         run.press(keys)
         pass_time(run, seconds)
-    with pytest.raises(UserError, match='29 joints of .* are none of it|is none of this robot'):
+    with pytest.raises(UserError, match='29 joints of .* are none of it|is not in this robot'):
         run_of(policy=network(tmp_path, joints))
 
 

@@ -163,7 +163,7 @@ def test_a_network_that_says_no_number_ends_in_damping_and_a_line(walking, actio
     command = run(walking, 0.05)
     assert walking.state is State.PASSIVE
     assert not command.kp.any()
-    assert walking.take_remark().startswith('the network says what is no number')
+    assert walking.take_remark().startswith('the output of the network is not a number')
     assert walking.take_remark() == ''
 
 
@@ -176,7 +176,7 @@ def test_beyond_the_tilt_it_damps_and_says_so_once(walking):
     assert walking.take_remark().startswith('fallen')
     run(walking, 0.1, tilted(1.5))
     assert walking.take_remark() == ''
-    assert 'h to have the hoist' in walking.press('2')
+    assert 'h to raise it' in walking.press('2')
     run(walking, 0.1)
     assert walking.press('2') == ''
 
@@ -198,7 +198,7 @@ def test_keys_say_what_to_press():
 @pytest.mark.parametrize(
     ('joints', 'changes', 'words'),
     [
-        (('FL_hip_joint', 'FL_thigh_joint'), {}, 'FL_hip_joint is none of this robot'),
+        (('FL_hip_joint', 'FL_thigh_joint'), {}, 'FL_hip_joint is not in this robot'),
         (G1_JOINTS, {'terms': (Term(name='linear_velocity'),)}, 'linear_velocity'),
     ],
 )

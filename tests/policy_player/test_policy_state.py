@@ -86,7 +86,7 @@ def test_a_network_that_says_no_number_ends_in_damping_and_a_line(dog, bad):
     say(dog, bad)
     dog.run(0.03)
     assert dog.state == 'passive'
-    assert 'the network says what is no number' in dog._robot.legs.notice.text
+    assert 'the output of the network is not a number' in dog._robot.legs.notice.text
     lowest = [height]
     for _ in range(20):
         dog.run(0.1)
@@ -164,7 +164,7 @@ def test_a_policy_of_another_robot_is_refused_by_its_joint(tmp_path, standing):
     names = [name.replace('joint', 'motor') for name in MOTORS]
     said = rl_sar(MOTORS, joint_names=names)
     config = write(tmp_path, 'config.yaml', said)
-    with pytest.raises(wasd.UserError, match='FR_hip_motor is none of this robot'):
+    with pytest.raises(wasd.UserError, match='FR_hip_motor is not in this robot'):
         wasd.Go2(policy=standing[0], policy_config=config)
 
 

@@ -391,7 +391,7 @@ def test_a_network_that_says_no_number_fails_and_its_targets_stay(tmp_path, rng,
     before = player.step(senses, np.zeros(3), 0.02)
     player.policy = policy._replace(network=lambda shown: np.full(12, bad))
     after = player.step(senses, np.zeros(3), 0.02)
-    assert player.failure == 'the network says what is no number'
+    assert player.failure == 'the output of the network is not a number'
     np.testing.assert_array_equal(before.position, after.position)
     player.reset()
     assert player.failure == ''

@@ -66,7 +66,7 @@ def test_expand_does_not_write_over_a_source(tmp_path, capsys):
     path = tmp_path / 'robot.urdf'
     path.write_text('<robot name="robot"><link name="base"/></robot>')
     assert main(['expand', str(path), '--output', str(tmp_path / '.' / 'robot.urdf')]) == 2
-    assert 'is a source; it is not written over' in capsys.readouterr().err
+    assert 'is a source; it is not overwritten' in capsys.readouterr().err
     assert path.read_text().startswith('<robot')
 
 

@@ -118,7 +118,7 @@ def test_a_file_is_found_by_its_path(tmp_path):
         ('i: [1, 0, 0]', 'CTRL+c: [1, 0, 0]', 2, 'CTRL+c: ends or suspends the program'),
         ('i: [1, 0, 0]', 'i: [x, 0, 0]', 2, "i: must be a number, got 'x'"),
         ('i: [1, 0, 0]', 'UPP: [1, 0, 0]', 2, "'UPP': unknown key 'UPP', did you mean UP?"),
-        ("'1': [0, 0, 1]", 'i: [0, 0, 1]', 3, 'i: stands here for the second time'),
+        ("'1': [0, 0, 1]", 'i: [0, 0, 1]', 3, 'i: appears here for the second time'),
         ("'1': [0, 0, 1]", '{a: b}: [0, 0, 1]', 3, 'motion: a key must be text'),
         ('turn: 1.0', 'turn: 1.0\nstop: [i]', 6, "stop: key 'i' is bound under motion, too"),
         ('turn: 1.0', 'turn: 1.0\nstop: k', 6, 'stop: must be a list of keys'),

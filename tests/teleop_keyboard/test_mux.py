@@ -146,5 +146,5 @@ def test_a_row_that_cannot_be_is_rejected(field):
 
 
 def test_two_rows_of_one_name_are_rejected():
-    with pytest.raises(InvalidParameter, match='stands twice'):
+    with pytest.raises(InvalidParameter, match='appears twice'):
         Mux([source('x', 1), source('x', 2)], [])

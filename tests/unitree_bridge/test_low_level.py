@@ -308,7 +308,7 @@ def test_in_sync_the_late_answer_to_another_tick_is_not_the_one_that_is_waited_f
 def test_a_program_that_has_gone_is_waited_for_once():
     rig, _ = synced(lambda tick: [tick] if tick < 500 else [])
     assert rig.wire.waits == 250 + 100  # of a hundredth of a second
-    assert 'no LowCmd for 1 s: not waited for any more' in rig.said
+    assert 'no LowCmd for 1 s: time no longer waits for it' in rig.said
 
 
 @pytest.mark.slow

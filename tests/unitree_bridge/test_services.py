@@ -180,7 +180,7 @@ def test_a_robot_that_lies_does_not_move(rig):
     rig.call('sport', MOVE, noreply=True, x=0.3, y=0.0, z=0.0)
     rig.run(1.0)
     assert rig.state == 'passive'
-    assert 'sport: Move does nothing to a robot that lies (StandUp first)' in rig.said
+    assert 'sport: Move has no effect on a lying robot (StandUp first)' in rig.said
 
 
 @pytest.mark.slow

@@ -238,7 +238,7 @@ def test_a_topic_without_a_definition_is_looked_for_once_and_not_made(ros, monke
         ),
         ('/cmd_vel', TWIST, {'linear': {'q': 1}}, "/cmd_vel: Vector3 has no field 'q'"),
         ('/cmd_vel', TWIST, {'linear': {'x': 'fast'}}, '/cmd_vel: linear.x: wanted double'),
-        ('/odom', TWIST, {}, '/odom: nothing is taken there; wanted /cmd_vel or /keys'),
+        ('/odom', TWIST, {}, '/odom: clients cannot publish there; wanted /cmd_vel or /keys'),
     ],
 )
 def test_what_is_no_command_moves_nothing_and_its_sender_reads_why(

@@ -185,7 +185,9 @@ def test_what_waited_while_the_process_stood_still_is_not_taken(inbox, client, r
 def test_other_topics_are_refused_by_name(inbox, client):
     client.advertise('/odom').drive(FAST)
     (words,) = inbox.step(STEP)
-    assert words.startswith('/odom: nothing is taken there; wanted /go2/cmd_vel or /go2/keys or')
+    assert words.startswith(
+        '/odom: clients cannot publish there; wanted /go2/cmd_vel or /go2/keys or'
+    )
 
 
 def test_what_cannot_be_read_moves_nothing_and_is_said(inbox, client, robots):

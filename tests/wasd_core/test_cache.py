@@ -59,7 +59,7 @@ def test_without_any_place_nothing_is_kept_and_a_line_says_so(home, monkeypatch,
     assert cache_folder('things') is None
     said = capsys.readouterr().err
     assert said.count('\n') == 1
-    assert said.startswith('wasd: caches are not kept, so that each start takes longer: ')
+    assert said.startswith('wasd: there are no caches, so each start takes longer: ')
 
 
 def test_a_folder_that_others_can_write_is_not_taken(home, capsys):

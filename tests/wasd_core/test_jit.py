@@ -202,7 +202,7 @@ def test_a_cache_that_others_may_write_is_not_used_and_a_line_says_so(kernels, r
         value, said = refused(cache)
         # The same line for every package, and so once.
         reason = f'{folder} can be written by any user (mode 777)'
-        assert (value, said) == ('1', f'wasd: what numba compiles is not kept: {reason}\n')
+        assert (value, said) == ('1', f'wasd: compiled code is not cached: {reason}\n')
         folder.chmod(mode)
     link = kernels.folder / 'link'
     link.symlink_to(cache)

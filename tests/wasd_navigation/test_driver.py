@@ -331,7 +331,7 @@ def test_a_goal_beside_a_wall_is_come_as_near_as_one_may_and_that_is_said() -> N
     # 0.2 m of robot and three quarters of the margin from the wall, in cells of 5 cm.
     off = math.dist(robot.state[:2], (2.75, 1.0))
     assert 0.07 < off < 0.15
-    assert robot.driver.reason == 'as near as one may be: 0.10 m from it'
+    assert robot.driver.reason == 'as near as possible: 0.10 m from it'
     assert robot.gap(ROUND) > 0.02
 
 
@@ -353,7 +353,7 @@ def test_a_goal_whose_room_goes_while_it_drives_is_come_near_all_the_same() -> N
     robot.revision = 1
     assert robot.run(30.0) == 'arrived'
     assert 0.0 < math.dist(robot.state[:2], goal[:2]) < 0.12
-    assert robot.driver.reason.startswith('as near as one may be')
+    assert robot.driver.reason.startswith('as near as possible')
 
 
 def test_the_words_of_a_refusal_say_how_wide_the_widest_way_is() -> None:

@@ -139,7 +139,7 @@ def test_the_next_goal_takes_the_place_of_the_first(client):
     second = client.send(3.0)
     status, result = client.result(first)
     assert status == GoalStatus.STATUS_ABORTED
-    assert result.error_msg == 'cancelled: another goal has come'
+    assert result.error_msg == 'cancelled: another goal replaced it'
     assert client.logic.goal == pytest.approx([3.0, 0.0, 0.0])
     client.logic.pilot.end = ('arrived', '')
     for _ in range(4):

@@ -220,7 +220,7 @@ def test_another_goal_takes_the_place_of_the_first():
     driven.on_end.append(ended.append)
     driven.set_goal(GOAL)
     driven.set_goal(2.0 * GOAL)
-    assert ended == [('cancelled', 'another goal has come')]
+    assert ended == [('cancelled', 'another goal replaced it')]
     assert driven.goal == pytest.approx(2.0 * GOAL)
     assert driven.state == 'driving'
 

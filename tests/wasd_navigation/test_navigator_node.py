@@ -207,7 +207,7 @@ def test_how_to_drive_can_be_changed_while_it_runs(rig):
     rig.navigation.go(np.array([2.0, 1.0, 0.0]))
     answer = rig.node.set_parameters([Parameter('limits.forward', value=0.2)])[0]
     assert answer.successful
-    assert rig.said == ['goal cancelled: how to drive has changed']
+    assert rig.said == ['goal cancelled: the driving parameters have changed']
     assert rig.navigator.pilot._limits.forward == 0.2
     assert not rig.node.set_parameters([Parameter('limits.forward', value=-0.2)])[0].successful
 

@@ -228,7 +228,7 @@ class Bridge:
         self._held += HOLD
         if self._held < PATIENCE:
             return False
-        self._say(f'no LowCmd for {PATIENCE:g} s: not waited for any more')
+        self._say(f'no LowCmd for {PATIENCE:g} s: time no longer waits for it')
         self._answers = False
         return True
 

@@ -21,16 +21,19 @@ def make_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     add_options(parser)
-    parser.add_argument('--world', default='flat', help='as in `wasd go2` (default: flat)')
-    parser.add_argument('--seed', type=_whole, default=0, help='of all noise (default: 0)')
+    parser.add_argument('--world', default='flat', help='world, as in `wasd go2` (default: flat)')
+    parser.add_argument('--seed', type=_whole, default=0, help='seed of all noise (default: 0)')
     parser.add_argument(
         '--estimator', choices=('kalman', 'truth'), default='kalman', help='default: kalman'
     )
     parser.add_argument(
-        '--speed', type=_number, default=1.0, help='real-time factor; 0: as fast as it goes'
+        '--speed', type=_number, default=1.0, help='real-time factor; 0: as fast as possible'
     )
     parser.add_argument(
-        '--duration', type=_number, default=float('inf'), help='simulated seconds (default: on)'
+        '--duration',
+        type=_number,
+        default=float('inf'),
+        help='simulated seconds to run (default: no end)',
     )
     return parser
 

@@ -162,7 +162,7 @@ class Motion:
 
     def _give_up(self) -> None:
         self.forget()
-        self._say('sport: the robot was stopped, or others drive it: nothing is done')
+        self._say('sport: the robot was stopped, or others drive it: request ignored')
 
 
 def _slowed(velocity: Velocity) -> Velocity:

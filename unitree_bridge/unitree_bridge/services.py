@@ -127,7 +127,7 @@ class Sport:
     def move(self, velocity: tuple[float, float, float]) -> None:
         """Move so [m/s], [m/s], [rad/s], where our controller has the motors and stands."""
         if not self._is_released('Move') and not self._motion.move(velocity):
-            self._say('sport: Move does nothing to a robot that lies (StandUp first)')
+            self._say('sport: Move has no effect on a lying robot (StandUp first)')
 
     def _speed_level(self, said: Parameters) -> None:
         self._motion.speed_level = round(number(said, 'data'))

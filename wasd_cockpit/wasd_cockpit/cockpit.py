@@ -300,7 +300,7 @@ class Cockpit:
         if turns is None or not turns.waiting:
             return
         imgui.AlignTextToFramePadding()
-        words = f'asked for control: goes in {turns.remaining:.0f} s'
+        words = f'asked for control: passes in {turns.remaining:.0f} s'
         page.widgets.words(words, style.ODOMETRY)
         imgui.SameLine()
         if page.widgets.button('give control', 'give'):

@@ -39,7 +39,7 @@ def _folder_in(home: str, temporary: str) -> Path | None:
     if not why_unfit(instead):
         say_once(f'caches are kept in {instead}: {why}')
         return instead
-    say_once(f'caches are not kept, so that each start takes longer: {why}')
+    say_once(f'there are no caches, so each start takes longer: {why}')
     return None
 
 

@@ -112,7 +112,7 @@ def _look_at_shared_memory(domain: int) -> None:
     reason = why_no_shared_memory(domain)
     if reason:
         do_without_shared_memory(os.environ)
-        words = f'wasd: over UDP, as shared memory is not to be used: {reason}'
+        words = f'wasd: uses UDP instead of shared memory: {reason}'
         print(words, file=sys.stderr, flush=True)
 
 

@@ -84,7 +84,7 @@ def folder_of(state: str, name: str) -> Path | None:
         why = why_unfit(folder)
         if not why:
             return _used(folder, name)
-        say_once(f'what numba compiles is not kept: {why}')
+        say_once(f'compiled code is not cached: {why}')
     kept = cache_folder('numba')
     if kept is None or why_unfit(kept / f'{name}-{state}'):
         return None

@@ -92,7 +92,7 @@ def _why_no_tracing(path: Path) -> str:
     is_usable = status.st_size >= os.sysconf('SC_PAGESIZE') or os.access(path, os.W_OK)
     if is_usable or not stat.S_ISREG(status.st_mode):
         return ''
-    return f'{path} is empty and belongs to user {status.st_uid}: have it removed'
+    return f'{path} is empty and belongs to user {status.st_uid}: ask for its removal'
 
 
 def _why_unusable(path: Path, may_be_empty: bool) -> str:

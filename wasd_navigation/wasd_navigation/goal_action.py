@@ -95,7 +95,7 @@ class GoalAction:
 
     def _on_goal(self, handle: Any) -> None:
         # Without a zero: it goes on to the next one, unless that is none.
-        was_driving = self._navigator.cancel('another goal has come')
+        was_driving = self._navigator.cancel('another goal replaced it')
         self._handle = handle
         handle._update_state(GoalEvent.EXECUTE)  # `execute` would run to the end at once
         try:

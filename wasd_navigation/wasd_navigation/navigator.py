@@ -157,7 +157,7 @@ class Navigator:
         A yaw of NaN is that of the line from the robot to the goal.
         """
         if self.goal is not None:
-            self._end(Outcome('cancelled', 'another goal has come'))
+            self._end(Outcome('cancelled', 'another goal replaced it'))
         goal = self._with_yaw(goal)
         self.goal = self.last_goal = goal
         self.outcome, self.elapsed = None, 0.0
@@ -167,7 +167,7 @@ class Navigator:
 
     def refuse(self, why: str, goal: np.ndarray = NOWHERE) -> None:
         """End what it was doing, and take no other goal, because of something."""
-        self.cancel('another goal has come')
+        self.cancel('another goal replaced it')
         self.last_goal, self.elapsed, self.pilot.recoveries = self._with_yaw(goal), 0.0, 0
         self._end(Outcome('refused', why))
 

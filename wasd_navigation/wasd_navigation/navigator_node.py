@@ -206,7 +206,7 @@ class NavigatorNode(Node):
         try:
             start = getattr(self.navigator.locator, 'start', None)
             if start is None:
-                raise InvalidMessage('it is for a robot with a map, this one is making its own')
+                raise InvalidMessage('it needs a saved map, but this robot makes its own')
             pose = self.in_map(PoseStamped(header=message.header, pose=message.pose.pose))
             if not self.navigator.locator.grid.has(pose[:2]):
                 raise InvalidMessage(f'({pose[0]:.2f}, {pose[1]:.2f}) is outside the map')
@@ -238,7 +238,7 @@ class NavigatorNode(Node):
 
     def _on_return(self, gap: float) -> None:
         """Begin without a goal after this process stood still: nobody knows who wants it."""
-        self.navigation.stop(f'stood still for {gap:.1f} s')
+        self.navigation.stop(f'was paused for {gap:.1f} s')
 
     def _on_save_map(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:

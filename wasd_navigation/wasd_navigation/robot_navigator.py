@@ -81,7 +81,7 @@ class RobotNavigator:
         """Take other parameters; what drives is made again, and stands before."""
         before, self.settings = self.settings, settings
         if (before.limits, before.planning) != (settings.limits, settings.planning):
-            self.stop('how to drive has changed')
+            self.stop('the driving parameters have changed')
             self.navigator.configure(make_pilot(settings), settings.planning.silence)
 
     @property
@@ -103,7 +103,7 @@ class RobotNavigator:
             return
         if self.navigator.move(odometry):
             self.senses.forget_odometry(now)
-            self.warn('odom: has leapt, as if it was set anew')
+            self.warn('odom: has jumped (was it reset?)')
             self.stop('odometry has leapt')
         self.senses.add_odometry(now, odometry)
 
@@ -144,7 +144,7 @@ class RobotNavigator:
         """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
         refusal = ' and '.join(f'{lock} is on' for lock in sorted(self.locks)) or self.refusal()
         if refusal:
-            self.stop('another goal has come')
+            self.stop('another goal replaced it')
             self.navigator.refuse(refusal, goal)
         else:
             self.navigator.set_goal(goal)
@@ -178,7 +178,7 @@ class RobotNavigator:
             return
         if self._is_homeward:
             self._explorer = None
-            self.say('explored: nothing is unknown that it could look at')
+            self.say('explored: it can reach no more of the unknown')
             return
         if not is_seen:
             explorer.give_up()  # it has been there, or no way leads there

@@ -103,7 +103,7 @@ def read_lidar(reader: TagReader) -> LidarTag:
     One that names a `model` of LIDAR_MODELS has of that what the tag does not say itself.
     """
     if reader.number('scan/vertical/samples', 1) > 1:
-        reader.notes.append(f'sensor {reader.name!r}: of its rows of rays, one is simulated')
+        reader.notes.append(f'sensor {reader.name!r}: only one of its rows of rays is simulated')
     name = reader.word('model').lower() or IDEAL
     if name not in (IDEAL, *LIDAR_MODELS):
         wanted = ', '.join((IDEAL, *LIDAR_MODELS))

@@ -116,14 +116,14 @@ def _why_left_out(reader: TagReader, robot: Robot) -> str:
     """Return why a sensor is not simulated, in words after its name; says what is exchanged."""
     if not any(reader.kind in kind.types for kind in SENSORS):
         is_known = reader.kind in sensor_tags.OTHER_TYPES
-        return '' if is_known else f'has the type {reader.kind!r}, which is none of Gazebo'
+        return '' if is_known else f'has the type {reader.kind!r}, which Gazebo does not know'
     if reader.link not in robot.links:
         return f'is on {reader.link!r}, which is no link'
     find = reader.tag.findtext
     if wrong := sensor_tags.why_broken(reader.kind, find):
         return f'is broken, {wrong}'
     for line in sensor_tags.exchanged(reader.kind, find):
-        reader.notes.append(f'sensor {reader.name!r}: {line}: taken the other way round')
+        reader.notes.append(f'sensor {reader.name!r}: {line}: swapped')
     return ''
 
 

@@ -67,9 +67,7 @@ class Policy(Trotting):
         names = list(quadruped.joint_names)
         for name in walker.joints:
             if name not in names:
-                raise UserError(
-                    f'policy: joint {name} is none of this robot{suggest(name, names)}'
-                )
+                raise UserError(f'policy: joint {name} is not in this robot{suggest(name, names)}')
         if len(walker.joints) != len(names):
             raise UserError(f'policy: got {len(walker.joints)} joints, wanted {len(names)}')
         # From the robot's joints to the walker's, and back.

@@ -129,7 +129,7 @@ def write_mended(fixes: Fixes, description: Path, output: Path) -> Path:
     """
     description = source_of(description)
     if identity(output) in {identity(file) for file in fixes.before}:
-        raise DescriptionError(f'--output {output}: is a source; it is not written over')
+        raise DescriptionError(f'--output {output}: is a source; it is not overwritten')
     others = [file for file in fixes.after if file != description]
     try:
         if output.is_dir():

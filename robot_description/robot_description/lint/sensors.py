@@ -29,4 +29,4 @@ def _odd(sensor: Element) -> Iterator[str]:
         wrong = sensor_tags.why_broken(kind, find)
         yield from [wrong] if wrong else sensor_tags.exchanged(kind, find)
     elif kind not in sensor_tags.OTHER_TYPES:
-        yield f'the type {kind!r} is none of Gazebo'
+        yield f'the type {kind!r} is unknown to Gazebo'

@@ -120,7 +120,7 @@ def _uses_ros(options: RunOptions, ros_arguments: Sequence[str]) -> bool:
     asked = [f'--{name}' for name in NEED_ROS if getattr(options, name) is not None]
     asked += ['--ros-args'] * bool(ros_arguments)
     if asked:
-        raise UserError(f'{asked[0]} needs ROS, and this run is without ({why})')
+        raise UserError(f'{asked[0]} needs ROS, but this run has none ({why})')
     if options.uses_ros:
         print('wasd: runs without ROS (rclpy is not installed)', file=sys.stderr, flush=True)
     return False

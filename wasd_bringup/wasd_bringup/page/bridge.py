@@ -44,7 +44,7 @@ TRAIL_EVERY, TRAIL_LENGTH = 10, 600
 # The states that can follow are looked at in one of so many snapshots: ten times a second, or
 # three where the page's pace is that of a hurried simulation.
 CHOICES_EVERY = 3
-# The fastest that time may be asked to go; 0 is as fast as it goes.
+# The fastest that time may be asked to go; 0 is as fast as possible.
 FASTEST = 100.0
 
 

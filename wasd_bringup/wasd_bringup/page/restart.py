@@ -69,9 +69,9 @@ def refusal(options: RunOptions) -> str:
     if not options.words:
         return 'this run was not started by its command'
     if any((options.record, options.report, options.save_keys, options.save_map)):
-        return 'the files of this run would be written over: end it with Ctrl-C first'
+        return 'this would overwrite the files of this run: end it with Ctrl-C first'
     if options.map or options.goals:
-        return 'its map and its goals are of this world: end it with Ctrl-C first'
+        return 'its map and its goals belong to this world: end it with Ctrl-C first'
     return 'a script drives this run' if options.scripted else ''
 
 
@@ -110,7 +110,7 @@ def page_port(port: int) -> int:
     """Return the port to take for a page: any, 0, where the one that it had has gone meanwhile."""
     if _MARK not in os.environ or _is_free(port):
         return port
-    print(f'port {port} was taken in between: the page is elsewhere now')
+    print(f'port {port} is taken now: the page has another address')
     return 0
 
 

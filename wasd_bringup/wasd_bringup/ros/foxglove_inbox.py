@@ -187,4 +187,6 @@ class Inbox:
             if sender.topic == target.key_topic:
                 return client.press(target.robot, self._decode.key(sender, data), not self._deaf)
         known = [topic for target in self._targets for topic in target[1:]]
-        raise UserError(f'{sender.topic}: nothing is taken there; wanted {" or ".join(known)}')
+        raise UserError(
+            f'{sender.topic}: clients cannot publish there; wanted {" or ".join(known)}'
+        )

@@ -75,7 +75,9 @@ def robot_arguments(robot: RobotRow) -> list[DeclareLaunchArgument]:
         ),
         *(parameter_argument(SimulatorParameters, name) for name in ('world', 'seed', 'speed')),
         DeclareLaunchArgument(
-            'namespace', default_value='', description='Of all nodes, topics, clock and tf.'
+            'namespace',
+            default_value='',
+            description='Namespace of all nodes, topics, clock and tf.',
         ),
         DeclareLaunchArgument(
             'keys',

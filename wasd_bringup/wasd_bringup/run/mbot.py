@@ -142,7 +142,7 @@ class Mbot(Robot):
         """
         controller = self.drive_unit.controller
         if not isinstance(controller, DiffDriveController):
-            raise UserError('--guard: with legacy loops nothing can be held back: leave one out')
+            raise UserError('--guard: does not work with legacy loops: leave one out')
 
         def held(velocity: DriveVelocity) -> DriveVelocity:
             vx, _, wz = limit((velocity.linear, 0.0, velocity.angular)).tolist()

@@ -35,7 +35,7 @@ FullVelocity = tuple[float, float, float, float]
 
 STANDSTILL = (0.0, 0.0, 0.0)
 # Who sends it may not know that the robot was stopped.
-REFUSED = 'end who sends on {}, or send a zero (refused since E-STOP)'
+REFUSED = 'stop the publisher of {}, or send a zero (refused since E-STOP)'
 HOLDS = 'ENTER releases E-STOP (by the {})'
 # Zeros that end it all are told so often: one may be lost.
 LAST_ZEROS = 3
@@ -171,7 +171,7 @@ class Robot(ABC):
         Raises:
             UserError: this controller cannot be held back.
         """
-        raise UserError(f'--guard: {self.name} has no controller that can be held back')
+        raise UserError(f'--guard: {self.name} has no controller that a guard can limit')
 
     @property
     def stop_key(self) -> str:

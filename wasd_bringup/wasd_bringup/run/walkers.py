@@ -17,7 +17,7 @@ def load_walker(options: RunOptions) -> Any:
     """
     if options.policy is None:
         if options.policy_config is not None:
-            raise UserError('--policy-config: it tells of a network, give it by --policy FILE')
+            raise UserError('--policy-config needs a network: give --policy FILE')
         return None
     if not isinstance(options.policy, str):
         return options.policy

@@ -119,7 +119,7 @@ class Map:
                 page.link.order(Order(what))
         words = navigation_words(navigation)
         if navigation.state == 'idle':
-            words = navigation.reason or 'click where to drive; drag to say which way to look'
+            words = navigation.reason or 'click to set a goal; drag to choose its heading'
         is_bad = navigation.state in ('refused', 'failed')
         page.widgets.words(words, style.ODOMETRY if is_bad else style.DIM, wrapped=True)
 

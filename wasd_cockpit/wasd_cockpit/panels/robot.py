@@ -100,7 +100,7 @@ class Robot:
         changed, speed = imgui.InputFloat('##speed', snapshot.speed, 0.1, 0.5, 'x %.2f', _ENTER)
         page.widgets.note_field('speed')
         if imgui.IsItemHovered():
-            imgui.SetTooltip('speed of time; 0 is as fast as it goes')
+            imgui.SetTooltip('speed of time; 0 is as fast as possible')
         if changed:
             page.link.order(Order('speed', value=speed))
         imgui.SameLine()
@@ -124,7 +124,7 @@ class World:
             page.widgets.heading(what.upper())
             self._draw_options(page, what, options, now[what])
         chosen = {**now, **self._chosen}
-        same = '' if chosen != now else 'this is what runs: choose another robot or world'
+        same = '' if chosen != now else 'this is the present run: choose another robot or world'
         imgui.Spacing()
         if page.widgets.button(
             'start anew',
@@ -135,7 +135,7 @@ class World:
         ):
             page.link.order(Order('start', f'{chosen["robot"]} {chosen["world"]}'))
         page.widgets.words(start.words(chosen['robot'], chosen['world']), wrapped=True)
-        why = start.refusal or 'What runs ends; the page comes back by itself.'
+        why = start.refusal or 'This run ends; the page comes back by itself.'
         page.widgets.words(why, style.DIM, wrapped=True)
 
     def _draw_options(

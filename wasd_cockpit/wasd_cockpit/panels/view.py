@@ -15,7 +15,7 @@ _ABOUT = 15.0  # [degrees]
 _HAND_LABELS = {'push': 'push by dragging', 'goal': 'goal by a click'}
 _HAND_WORDS = {
     'push': 'drag the robot in the scene',
-    'goal': 'click in the scene where to drive; drag to say which way to look',
+    'goal': 'click in the scene to set a goal; drag to choose its heading',
 }
 
 

@@ -333,7 +333,7 @@ class Driver:
             return velocity
         assert self._route is not None
         off = self._route.off
-        words = f'as near as one may be: {off:.2f} m from it' if off > 0.0 else ''
+        words = f'as near as possible: {off:.2f} m from it' if off > 0.0 else ''
         return self._end('arrived', words)
 
     def _end(self, state: str, reason: str) -> np.ndarray:

@@ -119,7 +119,7 @@ CAMERA = CameraView(distance=2.0, azimuth=130.0, elevation=-20.0)
 
 
 class ReplayView:
-    """Moves the robots of some worlds as recorded, at a speed; 0 is as fast as it goes."""
+    """Moves the robots of some worlds as recorded, at a speed; 0 is as fast as possible."""
 
     def __init__(
         self,
