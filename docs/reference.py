@@ -86,7 +86,7 @@ SERVICES = {
     'leg_controller ~/e_stop': 'passive at once',
     'drivers ~/e_stop': 'stop every robot of the run; with `--latched` until it is released',
     'drivers ~/release_e_stop': 'end a stop that holds',
-    'navigator ~/save_map': 'write the map to the parameter `save_map`, .yaml and .pgm',
+    'navigator ~/save_map': 'write the map to the parameter `save_map`, .yaml, .pgm, .places.npz',
     'navigator ~/reset': 'begin the map anew',
     'navigator ~/cancel': 'drive to no goal any more',
     'diff_drive_controller ~/reset_odometry': 'odometry back at the origin',

@@ -404,6 +404,20 @@ def test_goals_and_a_name_to_save_ask_for_a_map(read):
     assert read('--save-map', 'house.yaml').save_map == 'house'
 
 
+def test_a_session_goes_on_in_a_map_that_is_named(read, tmp_path):
+    saved = tmp_path / 'house.yaml'
+    saved.touch()
+    with pytest.raises(UserError, match=r'--continue goes on with a map: wanted --map FILE.yaml'):
+        read('--map', '--continue')
+    with pytest.raises(UserError, match='--continue it'):
+        read('--map', str(saved), '--explore')
+    assert read('--map', str(saved), '--explore', '--continue').continues
+    # What it goes on with may be written over; what it only reads may not.
+    assert read('--map', str(saved), '--continue', '--save-map', str(saved)).save_map
+    with pytest.raises(UserError, match='the same file'):
+        read('--map', str(saved), '--save-map', str(saved))
+
+
 @pytest.mark.parametrize('words', ['1', '1 2 3 4', 'a b', '1 nan', ''])
 def test_a_goal_that_is_none_is_refused_in_one_line(read, words):
     with pytest.raises(UserError, match=r"--goal: got .*, wanted 'X Y' or 'X Y YAW'"):

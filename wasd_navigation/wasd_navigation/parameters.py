@@ -321,7 +321,12 @@ class NavigatorParameters(SizeParameters):
     map: str = parameter(
         '', doc='Map to localise in, a YAML of map_server; empty: make one', read_only=True
     )
-    save_map: str = parameter('map', doc='Name that ~/save_map writes to, .yaml and .pgm')
+    continue_map: bool = parameter(
+        False, doc='Go on mapping in that map, by the places saved beside it', read_only=True
+    )
+    save_map: str = parameter(
+        'map', doc='Name that ~/save_map writes to, .yaml, .pgm, .places.npz'
+    )
     map_frame: str = parameter('map', doc='Frame of the map', read_only=True)
     control_frequency: float = parameter(
         20.0,

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from wasd_core.errors import Stopped
+from wasd_core.errors import Stopped, UserError
 from wasd_core.jit import before_each_compilation
 from wasd_core.signals import stop_requested
 
-from wasd_navigation.mapping import load_map
+from wasd_navigation.mapping import load_map, load_session
+from wasd_navigation.mapping.continued import ContinuedMapper
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.navigator import Locator
@@ -38,14 +39,27 @@ def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Part
         UserError: the map cannot be read.
         Stopped: a signal came while it was compiled.
     """
+    mapping = settings.mapping
     grid = load_map(Path(settings.map)) if settings.map else None
-
-    def make_locator(known: Grid | None) -> Locator:
-        return Mapper(settings.mapping) if known is None else Localizer(known, settings.mapping)
-
+    session = None
+    if settings.continue_map:
+        if grid is None:
+            raise UserError('continue_map: wanted a map to go on with, got none')
+        session = load_session(Path(settings.map))
+        if abs(session.resolution - mapping.resolution) > 1e-9:
+            raise UserError(
+                f'{settings.map}: cells of {session.resolution:g} m, mapping.resolution says '
+                f'{mapping.resolution:g}'
+            )
     with before_each_compilation(_Notice(say)):
-        warm_up(make_locator(None if grid is None else _draw_room()), make_pilot(settings))
-    return make_locator(grid), make_pilot(settings)
+        if grid is not None:
+            warm_up(Localizer(_draw_room(), mapping), make_pilot(settings))
+        if grid is None or session is not None:
+            warm_up(Mapper(mapping), make_pilot(settings))
+    locator: Locator = Mapper(mapping) if grid is None else Localizer(grid, mapping)
+    if session is not None:
+        locator = ContinuedMapper(session, mapping)
+    return locator, make_pilot(settings)
 
 
 def make_pilot(settings: NavigatorParameters) -> Driver:

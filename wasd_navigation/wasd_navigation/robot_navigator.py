@@ -10,7 +10,8 @@ from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
 
 from wasd_navigation.exploring import Explorer
-from wasd_navigation.mapping import save_map
+from wasd_navigation.mapping import save_map, save_session
+from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import NavigatorParameters
@@ -221,13 +222,19 @@ class RobotNavigator:
         """
         Write the map to NAME.yaml and NAME.pgm; return words that say so.
 
+        Of a map of its own the places, with which another day goes on, to NAME.places.npz.
+
         Raises:
             UserError: there is none yet, or it cannot be written.
         """
         if not self.navigator.scans:
             raise UserError('no map yet: no scan has come')
-        text, picture = save_map(self.navigator.locator.grid, Path(name))
-        return f'map in {text} and {picture.name}'
+        locator = self.navigator.locator
+        text, picture = save_map(locator.grid, Path(name))
+        if not isinstance(locator, Mapper):
+            return f'map in {text} and {picture.name}'
+        places = save_session(locator.session, Path(name))
+        return f'map in {text}, {picture.name} and {places.name}'
 
     def _on_end(self, outcome: Outcome) -> None:
         if self.is_exploring and outcome.state == 'cancelled':

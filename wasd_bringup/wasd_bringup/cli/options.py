@@ -340,13 +340,19 @@ OPTIONS = (
         how={'nargs': '?', 'const': '', 'metavar': 'FILE.yaml'},
     ),
     Option(
+        word='--continue',
+        help='go on with the map of --map FILE.yaml: localise in it, then map',
+        field='continues',
+        how=FLAG,
+    ),
+    Option(
         word='--explore',
         help='map all that the robot can reach, without a driver, then return to the start',
         how=FLAG,
     ),
     Option(
         word='--save-map',
-        help='write the map at the end: NAME.yaml and NAME.pgm',
+        help='write the map at the end: NAME.yaml, NAME.pgm and NAME.places.npz',
         read=lambda name, word: name.removesuffix('.yaml'),
         how={'metavar': 'NAME'},
     ),
@@ -577,8 +583,10 @@ def _untold(make: Callable[[], Any]) -> Any:
 
 
 def _check_navigation(options: RunOptions) -> None:
-    if options.explore and options.map:
-        raise UserError('--explore makes a map: leave out the file of --map')
+    if options.continues and not options.map:
+        raise UserError('--continue goes on with a map: wanted --map FILE.yaml')
+    if options.explore and options.map and not options.continues:
+        raise UserError('--explore makes a map: leave out the file of --map, or --continue it')
     if options.robot == BOTH and (options.map or options.save_map or options.goals):
         raise UserError(
             '--map FILE, --save-map and --goal are for one robot: wasd go2, or wasd mbot '
@@ -604,12 +612,15 @@ def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
     outputs = [options.record, options.report, options.save_keys]
     if options.save_map is not None:
         # Here, because few runs save a map.
-        from wasd_navigation.mapping import map_outputs
+        from wasd_navigation.mapping import map_outputs, session_output
 
         outputs += map_outputs(Path(options.save_map), '--save-map')
+        outputs.append(session_output(Path(options.save_map), '--save-map'))
     inputs = []
     for name in ('play', 'twist', 'controller', 'description', 'preset', 'world', 'map'):
         path = getattr(arguments, name, None)
+        if name == 'map' and options.continues:
+            continue  # it may take the place of what it goes on with
         if path is not None and os.path.exists(path):
             inputs.append((f'--{name}', path))
     check_apart([output for output in outputs if output is not None], inputs)

@@ -72,7 +72,8 @@ class NavigationDriver:
     @property
     def first_line(self) -> str:
         """What a driver must know to begin."""
-        what = 'in a map' if self._options.map else 'maps'
+        is_known = self._options.map and not self._options.continues
+        what = 'in a map' if is_known else 'maps'
         of_several = ' the robot in turn, TAB the one it leaves' * bool(self.robot.world.prefix)
         begin = "click a goal on the page's Map, or send goal_pose"
         if self._goals and self.robot.refusal:
@@ -236,6 +237,7 @@ def _settings(robot: Robot) -> dict[str, Any]:
     options = robot.options
     values: dict[str, Any] = {
         'map': options.map or '',
+        'continue_map': options.continues,
         'control_frequency': TWIST_RATE,
         **size_of(robot),
         **{f'limits.{name}': most for name, most in robot.drive_limits.items()},
@@ -244,6 +246,8 @@ def _settings(robot: Robot) -> dict[str, Any]:
         # Of several robots each has a map of its own.
         values['map_frame'] = f'{robot.world.prefix}map'
         values['save_map'] = f'{robot.name}_map'
+    if options.continues and options.map:
+        values['save_map'] = options.map.removesuffix('.yaml')
     if options.save_map:
         values['save_map'] = options.save_map
     return values

@@ -76,6 +76,7 @@ class RunOptions:
     sync: bool = False  # whether time waits for the programs that command motors
     # The map to localise in; '' makes one, None does neither.
     map: str | None = None
+    continues: bool = False  # whether that map is gone on with
     save_map: str | None = None  # without .yaml
     goals: tuple[Goal, ...] = ()
     explore: bool = False  # whether the robot maps by itself, before its goals

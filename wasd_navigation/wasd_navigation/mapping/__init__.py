@@ -7,5 +7,13 @@ unknown.
 """
 
 from wasd_navigation.mapping.map_file import load_map, map_outputs, save_map
+from wasd_navigation.mapping.session import load_session, save_session, session_output
 
-__all__ = ['load_map', 'map_outputs', 'save_map']
+__all__ = [
+    'load_map',
+    'load_session',
+    'map_outputs',
+    'save_map',
+    'save_session',
+    'session_output',
+]

@@ -9,6 +9,7 @@ from wasd_navigation.mapping.local_map import Fit, fit_scan, make_local_map
 from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid, Search, window_around
+from wasd_navigation.mapping.session import Session
 from wasd_navigation.mapping.surface import find_surface, RangeNoise, Surface
 from wasd_navigation.mapping.tracker import ROUNDS, Tracker, TRUST
 from wasd_navigation.odometry import add_covariance, LEAP
@@ -60,6 +61,8 @@ class Mapper:
         self._drawing = Drawing(self._parameters.resolution)
         self._noise = RangeNoise(self._parameters.range_noise, self._parameters.range_noise_share)
         self.reset()
+
+    grows = True  # its map does: what nobody has seen yet may still be
 
     def reset(self) -> None:
         """Forget all places; the next scan is the first."""
@@ -158,6 +161,43 @@ class Mapper:
                 self._close_loop()
             else:
                 self._work()
+        self.correction = compose(self.pose, inverse(odometry))
+
+    @property
+    def session(self) -> Session:
+        """All that is known, to go on with another day."""
+        places = self._places
+        resolution, share = self._parameters.resolution, self._noise.share
+        return Session(places.poses.copy(), list(places.scans), places.edges(), resolution, share)
+
+    def take_session(self, session: Session) -> None:
+        """Know what was known once, in place of what is now."""
+        places, edges = Places(), session.edges
+        self._noise.take(session.share)
+        self._drawing.clear()
+        self._places = places
+        for pose, scan in zip(session.poses, session.scans, strict=True):
+            places.add(scan, find_surface(scan, self._noise.noise), pose)
+            self._drawing.add_last(places)
+        for pair, pose, known, robust in zip(*edges, strict=True):
+            places.link((int(pair[0]), int(pair[1])), pose, known, sure=not robust)
+
+    def begin_at(
+        self,
+        pose: np.ndarray,
+        spread: np.ndarray,
+        odometry: np.ndarray,
+        covariance: np.ndarray,
+    ) -> None:
+        """Go on from a pose in the map, of a covariance `spread`, at some odometry."""
+        self._tracker.move(odometry, covariance)
+        self._tracker.put(pose, spread)
+        near = self._nearest(pose)
+        away = np.hypot(*(self._places.poses[near, :2] - pose[:2]).T)
+        self._reference, self._recent = int(near[away.argmin()]), near.tolist()
+        self._since = self._since + CARRIED  # how it came here nobody knows; the map does
+        self._scans = 0
+        self._show()
         self.correction = compose(self.pose, inverse(odometry))
 
     def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:

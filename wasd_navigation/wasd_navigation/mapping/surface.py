@@ -56,6 +56,21 @@ class RangeNoise:
         """Forget what was learnt."""
         self._share, self._scans = 0.0, 0
 
+    @property
+    def share(self) -> float:
+        """The share that is known, or was learnt."""
+        known = self._known.share
+        return min(self._share, LARGEST_SHARE) if math.isnan(known) else known
+
+    @property
+    def noise(self) -> Noise:
+        """What is known, or was learnt."""
+        return self._known._replace(share=self.share)
+
+    def take(self, share: float) -> None:
+        """Go on with what was learnt once."""
+        self._share, self._scans = share, LEARNT
+
     def step(self, scan: Scan) -> Noise:
         """Take in a scan, and return the noise."""
         if not math.isnan(self._known.share):
@@ -65,7 +80,7 @@ class RangeNoise:
             self._scans = min(self._scans + 1, LEARNT)
             share = float(np.median(seen)) / (MEDIAN * math.sqrt(1.5))
             self._share += (share - self._share) / self._scans
-        return self._known._replace(share=min(self._share, LARGEST_SHARE))
+        return self.noise
 
 
 @jit
