@@ -8,11 +8,12 @@ The lidar is the ideal one (1 cm of noise), odometry errs as each robot's does.
 """
 
 from collections.abc import Callable
+import dataclasses
 import math
 from typing import Any
 
-from goals_trials import Course
-from kinematic import draw_grid, ROBOTS
+from goals_trials import closed, Course, NEAREST
+from kinematic import draw_grid, RATE, ROBOTS
 import numpy as np
 from slam_logs import ODOMETRIES
 from table import format_count, Row
@@ -29,6 +30,10 @@ FIRST_SEED = 7000
 LONGEST = 900.0  # [s]
 # Goals in each flat that was explored, and how long each may take [s].
 GOALS, PATIENCE = 5, 180.0
+# Goals in each flat that nobody has looked at, the first of them no nearer than this [m]; of so
+# many at least this share is to be reached. One that cannot be may take so long to be ruled out.
+UNSEEN, FAR, MOST = 2, 3.0, 0.95
+LONGEST_SEARCH = 300.0
 # How near by the truth each must be [m], [rad]: what the navigator asks for, and its map's error.
 NEAR, TURNED = 0.10, math.radians(5.0)
 KNOWN, LONGER = 0.98, 1.5
@@ -99,9 +104,26 @@ class Ride:
         while self.unit.is_exploring and self.moving.time < LONGEST:
             self.step()
 
-    def go(self, goal: np.ndarray) -> dict[str, Any]:
+    def look(self) -> None:
+        """Stand for a second, and look around."""
+        for _ in range(round(RATE)):
+            self.step()
+
+    def close_doors(self) -> None:
+        """Close all doors of the flat."""
+        doors = np.array([closed(door) for door in self.flat.doors])
+        boxes = np.concatenate((self.flat.boxes, doors))
+        self.flat = dataclasses.replace(self.flat, boxes=boxes)
+
+    def knows(self, place: np.ndarray) -> bool:
+        """Whether somebody has looked at a place of the map, shape (2,) [m]."""
+        grid = self.unit.navigator.locator.grid
+        return grid.has(place) and grid.cells[tuple(grid.to_cells(place[None])[0])] != UNKNOWN
+
+    def go(self, goal: np.ndarray, patience: float = PATIENCE) -> dict[str, Any]:
         """Drive to a goal, given as the world has it; return how that went, by the truth."""
-        self.least, until = math.inf, self.moving.time + PATIENCE
+        self.least, until = math.inf, self.moving.time + patience
+        begin, way, is_known = self.moving.time, self.way, self.knows(goal[:2])
         self.unit.go(goal)
         while self.unit.navigator.goal is not None and self.moving.time < until:
             self.step()
@@ -112,6 +134,9 @@ class Ride:
             'off': math.hypot(off[0], off[1]),
             'turned_off': abs(math.remainder(off[2], 2.0 * math.pi)),
             'gap': self.least,
+            'way': self.way - way,
+            'took': self.moving.time - begin,
+            'known': is_known,
         }
 
 
@@ -138,6 +163,29 @@ def drive_explored(name: str, seed: int) -> list[dict[str, Any]]:
     ride = Ride(name, seed)
     ride.explore()
     return [{'seed': seed, **ride.go(ride.course.choose_goal())} for _ in range(GOALS)]
+
+
+def drive_unseen(name: str, seed: int) -> list[dict[str, Any]]:
+    """Send a robot that knows nothing of a flat to places that can be reached."""
+    ride = Ride(name, seed)
+    ride.look()
+    drives = []
+    for number in range(UNSEEN):
+        goal = ride.course.choose_goal(NEAREST if number else FAR)
+        shortest = ride.course.shortest(goal)
+        drives.append({'seed': seed, 'shortest': shortest, **ride.go(goal)})
+        ride.unit.stop('the next goal comes')
+    return drives
+
+
+def drive_shut_off(name: str, seed: int) -> dict[str, Any]:
+    """Send a robot that knows nothing of a flat to a place that cannot be reached."""
+    ride = Ride(name, seed)
+    goal, _, kind = ride.course.choose_shut_off()
+    if kind == 'behind closed doors':
+        ride.close_doors()
+    ride.look()
+    return {'seed': seed, 'kind': kind, **ride.go(goal, LONGEST_SEARCH)}
 
 
 def _known(unit: RobotNavigator, flat: Any, inscribed: float) -> float:
@@ -207,6 +255,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
             trials=trials,
         ),
         *_goals_by_own_map(1 if quick else 20, note),
+        *_goals_unseen(1 if quick else 20, note),
     ]
 
 
@@ -223,14 +272,61 @@ def _goals_by_own_map(flats: int, note: Callable[[str], None]) -> list[Row]:
     return rows
 
 
-def _arrivals(name: str, drives: list[dict[str, Any]]) -> Row:
-    there = [
+def _goals_unseen(flats: int, note: Callable[[str], None]) -> list[Row]:
+    rows = []
+    for name in ROBOTS:
+        note(f'explore: {name}, goals while it maps')
+        seeds = range(FIRST_SEED + 400, FIRST_SEED + 400 + flats)
+        drives = [drive for seed in seeds for drive in drive_unseen(name, seed)]
+        there = _there(drives)
+        fresh = [drive for drive in drives if not drive['known']]
+        longer = [drive['way'] / drive['shortest'] for drive in fresh if _there([drive])[0]]
+        touched = sum(drive['gap'] <= 0.0 for drive in drives)
+        rows.append(
+            Row(
+                what=f'goals, {name}: while it maps flats nobody has seen, own map and pose, '
+                'ideal lidar, no physics',
+                measured=f'{format_count(sum(there), len(there))} there, of {len(fresh)} nobody '
+                f'had looked at {sum(_there(fresh))}; {touched} touched; way of those '
+                f'{np.median(longer):.2f} of the shortest, at worst {max(longer):.2f}',
+                must=f'>= {100.0 * MOST:g} %, 0 touched',
+                passed=sum(there) >= MOST * len(there) and touched == 0,
+                trials=drives,
+            )
+        )
+        tries = [drive_shut_off(name, seed) for seed in seeds]
+        ended = [trial['outcome'].startswith(_GIVEN_UP) for trial in tries]
+        touched = sum(trial['gap'] <= 0.0 for trial in tries)
+        rows.append(
+            Row(
+                what=f'goals, {name}: while it maps, where no way leads',
+                measured=f'{format_count(sum(ended), len(ended))} said so, slowest after '
+                f'{max(trial["took"] for trial in tries):.0f} s; {touched} touched',
+                must=f'all, <= {LONGEST_SEARCH:g} s: all of a flat may have to be looked at',
+                passed=all(ended) and touched == 0,
+                trials=tries,
+            )
+        )
+    return rows
+
+
+# How the outcome of a goal begins that was not reached.
+_GIVEN_UP = ("Outcome(state='refused'", "Outcome(state='failed'")
+
+
+def _there(drives: list[dict[str, Any]]) -> list[bool]:
+    """Return which goals were reached without a touch, by the truth."""
+    return [
         'arrived' in drive['outcome']
         and drive['off'] <= NEAR
         and drive['turned_off'] <= TURNED
         and drive['gap'] > 0.0
         for drive in drives
     ]
+
+
+def _arrivals(name: str, drives: list[dict[str, Any]]) -> Row:
+    there = _there(drives)
     off = 100.0 * max(
         (drive['off'] for drive in drives if 'arrived' in drive['outcome']), default=0.0
     )

@@ -50,7 +50,7 @@ class StandInPilot:
         self.state, self.reason = 'idle', ''
         self.path = np.empty((0, 2))
 
-    def set_goal(self, goal):
+    def set_goal(self, goal, may_be_unknown=False):
         self.goals.append(goal)
         self.steps.clear()
         self.state = 'driving'

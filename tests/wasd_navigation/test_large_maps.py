@@ -159,3 +159,14 @@ def test_a_gap_that_was_entered_is_left(yaw: float, room: float) -> None:
     goal = (*(1.5 * ahead), yaw + 2.0)
     state, _, _ = drive(driver, grid, inside[:3], goal, limits)
     assert state == 'arrived', driver.reason
+
+
+@pytest.mark.parametrize('cells', range(368, 376))
+def test_the_last_wall_of_a_large_map_is_looked_at_whatever_its_size(cells) -> None:
+    grid = Grid(np.zeros((cells, cells), np.int8), 0.05, (0.0, 0.0))
+    grid.cells[-1:] = grid.cells[:, -1:] = 100
+    end = 0.05 * cells
+    looked = around(grid, (end - 0.5, end - 0.5))
+    assert looked.is_windowed
+    assert (looked.map_.cells[-1] == 100).all()
+    assert (looked.map_.cells[:, -1] == 100).all()

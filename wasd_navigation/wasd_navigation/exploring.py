@@ -12,7 +12,14 @@ from wasd_core.jit import jit
 
 from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning.distances import measure_distances
-from wasd_navigation.planning.goal_field import flood, make_heap, march, start_at, WHOLE
+from wasd_navigation.planning.goal_field import (
+    flood,
+    make_heap,
+    march,
+    march_from,
+    start_at,
+    WHOLE,
+)
 from wasd_navigation.planning.motion import HARD
 from wasd_navigation.records import Grid, UNKNOWN
 from wasd_navigation.se2 import wrap
@@ -44,15 +51,19 @@ class Explorer:
         self._in_vain: list[np.ndarray] = []
         self.aim: np.ndarray | None = None
 
-    def choose(self, grid: Grid, pose: np.ndarray) -> np.ndarray | None:
+    def choose(
+        self, grid: Grid, pose: np.ndarray, beyond: np.ndarray | None = None
+    ) -> np.ndarray | None:
         """
         Return the next goal (x, y, yaw) for a robot at a pose, shape (3,); None: all is seen.
 
-        Its yaw is NaN: that of the way there.
+        Its yaw is NaN: that of the way there. With a place `beyond`, shape (2,), it is one from
+        which a way through the unknown may lead there; the shortest first.
         """
         is_wall, is_unknown = grid.cells >= self._occupied, grid.cells == UNKNOWN
         distances = measure_distances(is_wall, grid.resolution)
         ways = self._ways(grid, distances, is_unknown, pose)
+        rest = None if beyond is None else self._rest(grid, distances, beyond)
         best, goal = math.inf, None
         self.aim = None
         least = round(SHORTEST / grid.resolution)
@@ -66,10 +77,17 @@ class Explorer:
             place = grid.to_points(found[None])[0]
             turn = abs(wrap(math.atan2(*(place - pose[:2])[::-1]) - pose[2]))
             cost = float(ways[tuple(found)]) + TURNING * turn / math.pi
-            cost -= WORTH * min(len(cells) * grid.resolution, 3.0)
+            if rest is None:
+                cost -= WORTH * min(len(cells) * grid.resolution, 3.0)
+            else:
+                cost += float(rest[tuple(cells.T)].min())
             if cost < best:
                 best, goal, self.aim = cost, np.append(place, math.nan), middle
         return goal
+
+    def forget(self) -> None:
+        """Begin again: no frontier was driven to in vain."""
+        self._in_vain, self.aim = [], None
 
     def is_seen(self, grid: Grid) -> bool:
         """Whether the frontier that is driven to is none any more."""
@@ -105,6 +123,15 @@ class Explorer:
             seen = flood(start, known, 0.5 * self._reach)
             values[seen] = 1.0
         return values
+
+    def _rest(self, grid: Grid, distances: np.ndarray, beyond: np.ndarray) -> np.ndarray:
+        """Return how far it is at least from each cell to a place [m], known or not."""
+        price = np.where(distances >= self._reach, 1.0, np.inf).astype(np.float32)
+        row, column = map(int, grid.to_cells(beyond[None])[0])
+        values, most = march_from(
+            (row, column), price, np.zeros(price.shape, bool), grid.resolution
+        )
+        return np.where(values < most, values, np.inf)
 
     def _viewpoint(self, ways: np.ndarray, cells: np.ndarray) -> np.ndarray | None:
         """Return the cell nearest to a frontier's middle that can be driven to, if any can."""

@@ -8,13 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.timing import Watchdog
 
+from wasd_navigation.exploring import Explorer
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.planning.driver import Driver
-from wasd_navigation.records import Grid, Scan
+from wasd_navigation.records import Grid, Scan, UNKNOWN
 from wasd_navigation.se2 import compose, inverse
 
+# While it looks for a way to where nobody has looked, it looks so often what it has seen [s].
+LOOK_AROUND = 0.5
 # Odometry, or a lidar, that is silent for so long is gone [s].
 SILENCE = 0.5
 # A goal waits so long for what it needs [s]: nobody who has forgotten it sees the robot drive off.
@@ -26,6 +29,8 @@ STUCK_AFTER = 2.5
 # Odometry that has moved more than this, and than so fast, has been set again [m], [rad], [m/s].
 LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
 NOWHERE = np.full(3, math.nan)
+# A robot that maps takes goals up to so far beyond its map [m], and plans with so much around one.
+BEYOND, AROUND_GOAL = 50.0, 2.0
 # States of a driver in which it has done with a goal.
 ENDS = ('arrived', 'refused', 'failed')
 
@@ -50,9 +55,18 @@ class Navigator:
     to wait for long ends.
     """
 
-    def __init__(self, locator: Locator, pilot: Driver, silence: float = SILENCE) -> None:
+    def __init__(
+        self,
+        locator: Locator,
+        pilot: Driver,
+        silence: float = SILENCE,
+        explorer: Explorer | None = None,
+    ) -> None:
         self.locator = locator
         self.pilot = pilot
+        self._explorer = explorer
+        self._is_searching = False  # for a way to where nobody has looked
+        self._searched = 0.0  # since it has looked what it has seen [s]
         self.goal: np.ndarray | None = None
         self.last_goal = NOWHERE  # that one, or the one before
         self.outcome: Outcome | None = None  # of the last goal, until the next
@@ -65,7 +79,7 @@ class Navigator:
         self._was_placed = False  # since the goal came
         self._seen: tuple[Scan, np.ndarray] | None = None
         self._grid: Grid | None = None
-        self._revision = -1
+        self._revision, self._drawn = 0, -1  # of the map that is planned on, and of the locator's
         self._looked = 0.0
 
     @property
@@ -87,6 +101,8 @@ class Navigator:
         """Why it is in this state, '' where the state says it all."""
         if self.goal is None:
             return '' if self.outcome is None else self.outcome.reason
+        if self._is_searching and not self.pilot.reason:
+            return f'looks for a way to ({self.goal[0]:.2f}, {self.goal[1]:.2f})'
         return self._missing or self.pilot.reason
 
     @property
@@ -103,6 +119,11 @@ class Navigator:
     def is_placed(self) -> bool:
         """Whether it is known where in the map the robot is."""
         return self.scans > 0 and bool(getattr(self.locator, 'is_found', True))
+
+    @property
+    def is_mapping(self) -> bool:
+        """Whether its map grows, so that goals may be where nobody has looked yet."""
+        return bool(getattr(self.locator, 'grows', False))
 
     @property
     def _missing(self) -> str:
@@ -162,8 +183,9 @@ class Navigator:
         self.goal = self.last_goal = goal
         self.outcome, self.elapsed = None, 0.0
         self._waited, self._was_placed = 0.0, False
-        self._looked = math.inf
-        self.pilot.set_goal(goal)
+        self._looked, self._drawn = math.inf, -1
+        self._is_searching = False
+        self.pilot.set_goal(goal, self.is_mapping)
 
     def refuse(self, why: str, goal: np.ndarray = NOWHERE) -> None:
         """End what it was doing, and take no other goal, because of something."""
@@ -210,10 +232,61 @@ class Navigator:
         velocity = self.pilot.step(
             grid, self._revision, pose, self._odometry.velocity, self._take_scan(), dt
         )
+        if self.is_mapping and self._searches(grid, pose, dt):
+            return velocity if self.pilot.state not in ENDS else np.zeros(3)
         if self.pilot.state in ENDS:
             self._end(Outcome(self.pilot.state, self.pilot.reason))
             return np.zeros(3)
         return velocity if np.isfinite(velocity).all() else np.zeros(3)
+
+    def _searches(self, grid: Grid, pose: np.ndarray, dt: float) -> bool:
+        """
+        Whether it goes on to look for a way to where nobody has looked.
+
+        It does when the straightest way there, through the unknown, was none: it drives to one
+        frontier after the other from which another may lead there, until the goal is seen.
+        """
+        explorer, has_ended = self._explorer, self.pilot.state in ENDS
+        if self.goal is None or explorer is None or not (self._is_searching or has_ended):
+            return False
+        self._searched += dt
+        if not has_ended and self._searched < LOOK_AROUND:
+            return True
+        self._searched = 0.0
+        if not self._is_unknown(grid, self.goal):
+            if self._is_searching:
+                self.pilot.set_goal(self.goal, True)
+            was_searching, self._is_searching = self._is_searching, False
+            return was_searching
+        if not self._is_searching:
+            explorer.forget()
+        elif not explorer.is_seen(grid):
+            if not has_ended:
+                return True
+            explorer.give_up()
+        return self._look_from(explorer.choose(grid, pose, self.goal[:2]))
+
+    def _look_from(self, stage: np.ndarray | None) -> bool:
+        """Drive to a frontier on the way to the goal; return whether there is one, or was."""
+        assert self.goal is not None
+        if stage is not None:
+            self._is_searching = True
+            self.pilot.set_goal(self._with_yaw(stage))
+        elif self._is_searching:
+            self._is_searching = False
+            self.pilot.cancel()
+            x, y, _ = self.goal
+            why = f'no way leads to ({x:.2f}, {y:.2f}): all that it could look at is known'
+            self._end(Outcome('failed', why))
+            return True
+        return stage is not None
+
+    def _is_unknown(self, grid: Grid, goal: np.ndarray) -> bool:
+        """Whether nobody has looked at a goal on the map."""
+        if not np.isfinite(goal).all():
+            return False
+        cell = grid.to_cells(goal[None, :2])
+        return bool(grid.covers(cell)[0] and grid.cells[tuple(cell[0])] == UNKNOWN)
 
     def _wait(self, missing: str, dt: float) -> None:
         """Stand because something is missing, but not for ever; not at all when it got lost."""
@@ -229,9 +302,19 @@ class Navigator:
         """Return the map to plan on; when it is drawn depends on nobody who looks at it, too."""
         if self._grid is None or self._looked >= LOOK_PERIOD:
             self._looked = 0.0
-            if self._grid is None or self._revision != self.locator.revision:
-                self._grid, self._revision = self.locator.grid, self.locator.revision
+            if self._grid is None or self._drawn != self.locator.revision:
+                self._grid, self._drawn = self._map(), self.locator.revision
+                self._revision += 1
         return self._grid
+
+    def _map(self) -> Grid:
+        """Return the map, with a goal beyond it where it grows."""
+        grid, goal = self.locator.grid, self.goal
+        if goal is None or not self.is_mapping or not np.isfinite(goal).all():
+            return grid
+        high = grid.to_points(np.array(grid.cells.shape)[None])[0]
+        off = np.abs(goal[:2] - np.clip(goal[:2], grid.origin, high)).max()
+        return grid.grown_to(goal[:2], AROUND_GOAL) if off <= BEYOND else grid
 
     def _take_scan(self) -> Scan | None:
         """Return a scan that has come since the last call, in the base frame of now."""

@@ -65,6 +65,18 @@ class Grid:
         """Return whether a point, shape (2,) [m], lies in the grid."""
         return bool(self.covers(self.to_cells(point[None]))[0])
 
+    def grown_to(self, point: np.ndarray, border: float) -> 'Grid':
+        """Return it with unknown cells up to a border [m] around a point, shape (2,) [m]."""
+        low, high = self.to_cells(np.stack((point - border, point + border)))
+        before = np.maximum(-low, 0)
+        after = np.maximum(high + 1 - self.cells.shape, 0)
+        if not before.any() and not after.any():
+            return self
+        width = tuple(zip(before.tolist(), after.tolist(), strict=True))
+        cells = np.pad(self.cells, width, constant_values=UNKNOWN)
+        x, y = np.array(self.origin) - before[::-1] * self.resolution
+        return Grid(cells, self.resolution, (float(x), float(y)))
+
 
 @dataclass(frozen=True)
 class Scan:

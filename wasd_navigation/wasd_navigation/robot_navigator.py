@@ -75,7 +75,8 @@ class RobotNavigator:
     def _begin(self, settings: NavigatorParameters, parts: Parts | None) -> None:
         self.settings = settings
         parts = parts or make_parts(settings, self._inform)
-        self.navigator = Navigator(*parts, settings.planning.silence)
+        explorer = Explorer(settings.footprint, settings.planning)
+        self.navigator = Navigator(*parts, settings.planning.silence, explorer)
         self.navigator.on_end.append(self._on_end)
 
     def tune(self, settings: NavigatorParameters) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning.docking import Docking
 from wasd_navigation.planning.motion import base_of, clearance, IN_GAP, PoseFilter
-from wasd_navigation.planning.route import AT_ONCE, is_shut_off, no_way, refusal, Route, SLICE
+from wasd_navigation.planning.route import AT_ONCE, is_shut_off, no_way, Route, SLICE
 from wasd_navigation.planning.sampling import is_safe, Sampler, Scene
 from wasd_navigation.planning.surroundings import Surroundings
-from wasd_navigation.records import FEWEST, Grid, Scan
+from wasd_navigation.records import FEWEST, Grid, Scan, UNKNOWN
 from wasd_navigation.se2 import wrap
 
 # From so much left on it is looked whether the goal is there straight away [m].
@@ -30,6 +30,12 @@ _SHARES = (1.0, 0.5, 0.25)
 _KEPT, _NOISE = 0.5, 0.005
 # How the reason ends for which it stands.
 _WAITING = ': waiting'
+# A goal where nobody had looked fails when it is seen for so long that it is none [s].
+_SEEN_FOR = 3.0
+# So much more of the map that is known is as good as coming nearer to a goal that is not [m^2].
+_NEWS = 0.3
+# Recoveries in a row on the way to where nobody has looked.
+_UNSEEN = 2
 # So long it goes on to the goal before while the way to the next one is drawn [s].
 _BRIDGE = 1.0
 
@@ -88,9 +94,11 @@ class Driver:
         self._before: Route | None = None
         self.local_path = np.empty((0, 2))
 
-    def set_goal(self, goal: np.ndarray) -> None:
+    def set_goal(self, goal: np.ndarray, may_be_unknown: bool = False) -> None:
         """
         Drive to a goal from the next step on, in place of any other.
+
+        One that `may_be_unknown` may be where nobody has looked: it goes to see.
 
         One that drives goes on to the goal before while the way to this one is drawn, for a
         second at most: goals that come one after another do not make it stand.
@@ -105,9 +113,12 @@ class Driver:
         self.cancel()
         self._before = before
         self.recoveries = 0
-        self._route = Route(np.array(goal, float), self._footprint, self._base, self._parameters)
+        self._route = Route(
+            np.array(goal, float), self._footprint, self._base, self._parameters, may_be_unknown
+        )
         self.state = 'driving'
         self._is_new, self._is_checked = True, False
+        self._seen_for, self._known = 0.0, 0.0
         if before is None:
             self._sampler.reset()
         self._start_anew()
@@ -250,6 +261,8 @@ class Driver:
         left = route.keep_up(self._around, state[:3], 0.0 if was_new else dt)
         if self._docking is not None and (self._docking.goal != route.goal).any():
             self._docking = None
+        if route.may_be_unknown and not self._may_still_be(route, dt):
+            return np.zeros(3)
         if self._manoeuvre is not None:
             return self._recover(dt)
         if left == math.inf:
@@ -261,8 +274,16 @@ class Driver:
             self._docking = self._may_dock(state)
         if self._docking is not None:
             return self._dock(self._docking, state, dt)
-        self.state, self.reason = 'driving', ''
+        self.state, self.reason = 'driving', self._to_look(route.goal)
         return self._sample(route, state, dt)
+
+    def _to_look(self, goal: np.ndarray) -> str:
+        """Return in words that nobody has looked at a goal, '' where somebody has."""
+        grid = self._around.whole_
+        cell = grid.to_cells(goal[None, :2])
+        if grid.covers(cell)[0] and grid.cells[tuple(cell[0])] != UNKNOWN:
+            return ''
+        return f'nobody has looked at ({goal[0]:.2f}, {goal[1]:.2f}) yet: it goes to see'
 
     def _sample(self, route: Route, state: np.ndarray, dt: float) -> np.ndarray:
         """Return the velocity that leads along a route."""
@@ -287,7 +308,7 @@ class Driver:
         # Each step does one thing: whoever presses a key meanwhile must not wait for all of them.
         if not self._is_checked:
             self._is_checked = True
-            reason = refusal(route.asked, self._around, self._footprint, self._parameters)
+            reason = route.refusal(self._around)
             if reason is not None and self._may_aim(route.asked):
                 route.aim(self._around, pose)
                 reason = reason if route.off == 0.0 else None
@@ -341,6 +362,22 @@ class Driver:
         self.local_path = np.empty((0, 2))
         return np.zeros(3)
 
+    def _may_still_be(self, route: Route, dt: float) -> bool:
+        """Whether a goal where nobody had looked may be one, by what is seen now."""
+        if self._around.known > self._known + _NEWS and self._to_look(route.goal):
+            self._known = self._around.known
+            self._start_over()
+        is_none = route.off == 0.0 and route.refusal(self._around) is not None
+        self._seen_for = self._seen_for + dt if is_none else 0.0
+        if self._seen_for <= _SEEN_FOR:
+            return True
+        self._end('failed', route.refusal(self._around) or '')
+        return False
+
+    def _start_over(self) -> None:
+        """Count time without progress from now, whatever is left."""
+        self._least_left, self._no_nearer, self._in_a_row = math.inf, 0.0, 0
+
     def _watch(self, left: float, dt: float) -> None:
         """Recover when it has come no nearer for long."""
         if left < self._least_left - _NEARER:
@@ -355,6 +392,8 @@ class Driver:
 
     def _begin_recovery(self, why: str) -> None:
         most = self._parameters.recoveries
+        if self._route is not None and self._to_look(self._route.goal):
+            most = min(most, _UNSEEN)  # there are other places to look from
         if self._in_a_row >= most or self.recoveries >= _IN_ALL * most:
             self._end('failed', f'{why}, after {self.recoveries} recoveries')
             return

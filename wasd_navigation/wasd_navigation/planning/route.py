@@ -42,13 +42,19 @@ class Route:
     good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `settle`
     looks whether the way is a long one; `is_settled` says that it need not look. `way`, shape
     (n, 3), are places and headings. `goal` is the pose nearest to the one that was `asked` for
-    where there is room: see `aim`.
+    where there is room: see `aim`. One that `may_be_unknown` may be where nobody has looked.
     """
 
     def __init__(
-        self, goal: np.ndarray, footprint: Footprint, base: Base, parameters: PlanningParameters
+        self,
+        goal: np.ndarray,
+        footprint: Footprint,
+        base: Base,
+        parameters: PlanningParameters,
+        may_be_unknown: bool = False,
     ) -> None:
         self.asked = self.goal = goal
+        self.may_be_unknown = may_be_unknown
         self._footprint, self._base, self._parameters = footprint, base, parameters
         self._now: Drawing | None = None
         self._next: Drawing | None = None
@@ -69,11 +75,19 @@ class Route:
         """How far the goal is from where it was asked to be [m]."""
         return math.dist(self.goal[:2], self.asked[:2])
 
+    def refusal(self, around: Surroundings) -> str | None:
+        """Return why what was asked for is no goal; None: it may be one."""
+        return refusal(self.asked, around, self._footprint, self._parameters, self.may_be_unknown)
+
     def aim(self, around: Surroundings, pose: np.ndarray) -> None:
         """Take the pose nearest to what was asked for where there is room, as seen from a pose."""
-        found = nearest_free(self.asked, pose, around, self._footprint, self._parameters)
+        found = nearest_free(
+            self.asked, pose, around, self._footprint, self._parameters, self.may_be_unknown
+        )
         if found is not None:
             self.goal = found
+        elif self.may_be_unknown:
+            self.goal = self.asked  # what is seen now shows no place that would do
 
     def draw(self, around: Surroundings) -> None:
         """Begin to work the values out for what is around now."""
@@ -257,7 +271,11 @@ def border_of(around: Surroundings, overview: Overview) -> np.ndarray:
 
 
 def refusal(
-    goal: np.ndarray, around: Surroundings, footprint: Footprint, parameters: PlanningParameters
+    goal: np.ndarray,
+    around: Surroundings,
+    footprint: Footprint,
+    parameters: PlanningParameters,
+    may_be_unknown: bool = False,
 ) -> str | None:
     """Return why a goal (x, y, yaw) is none, before any way is looked for; None: it may be one."""
     if not np.isfinite(goal).all():
@@ -286,7 +304,7 @@ def refusal(
         what = 'is in an obstacle' if room < -footprint.inscribed else 'is too near an obstacle'
         has = f'there are {room:.2f} m' if room >= 0.0 else f'and would overlap by {-room:.2f} m'
         return f'{place} {what}: the robot needs {needed:.2f} m around it, {has}'
-    if around.is_unknown[tuple(cell[0])]:
+    if around.is_unknown[tuple(cell[0])] and not may_be_unknown:
         return f'nobody has looked at {place} yet: choose a place that the map shows as free'
     return None
 
@@ -297,12 +315,13 @@ def nearest_free(
     around: Surroundings,
     footprint: Footprint,
     parameters: PlanningParameters,
+    may_be_unknown: bool = False,
 ) -> np.ndarray | None:
     """
     Return the pose nearest to a goal (x, y, yaw) where the robot has room; None: there is none.
 
-    It is no farther than the tolerance, where the map is known, and on this side of all walls: a
-    disc as wide as the robot gets there from a pose.
+    It is no farther than the tolerance, where the map is known unless it `may_be_unknown`, and on
+    this side of all walls: a disc as wide as the robot gets there from a pose.
     """
     if around.is_windowed and not around.map_.has(goal[:2]):
         around = around.at(goal)
@@ -315,7 +334,7 @@ def nearest_free(
     places = goal[:2] + offsets[near[away[near] <= parameters.tolerance + 1e-9]]
     inside = grid.covers(grid.to_cells(places))
     places, cells = places[inside], grid.to_cells(places[inside])
-    is_known = ~around.is_unknown[tuple(cells.T)]
+    is_known = ~around.is_unknown[tuple(cells.T)] | may_be_unknown
     is_reached: np.ndarray | None = None
     for place, cell in zip(places[is_known], cells[is_known], strict=True):
         state = np.array((*place, goal[2], 0.0, 0.0, 0.0))

@@ -162,9 +162,9 @@ def crop(grid: Grid, place: np.ndarray) -> tuple[Grid, tuple[int, int]]:
     if max(grid.cells.shape) * grid.resolution <= LARGE + 1e-6:
         return grid, (0, 0)
     cell = grid.to_cells(place[None, :2])[0]
-    # In step with the places of an overview.
+    # In step with the places of an overview; rounded up, so that a wall at the map's end is in it.
     begins = [
-        int(min(max(at - size // 2, 0), max(all_ - size, 0))) // STEP * STEP
+        -int(-min(max(at - size // 2, 0), max(all_ - size, 0)) // STEP) * STEP
         for at, all_ in zip(cell, grid.cells.shape, strict=True)
     ]
     row, column = begins
@@ -178,14 +178,16 @@ class Surroundings:
     """
     The map with what the live scan adds; distances are measured again only when something changed.
 
-    `revision` counts those changes. Of a map that is large, `whole`, only what is around the robot
-    is looked at: `grid`, whose first cell (row, column) is `corner`.
+    `revision` counts those changes; `known` is how much of the map somebody has looked at [m^2].
+    Of a map that is large, `whole`, only what is around the robot is looked at: `grid`, whose
+    first cell (row, column) is `corner`.
     """
 
     def __init__(self, footprint: Footprint, parameters: PlanningParameters) -> None:
         self._footprint, self._parameters = footprint, parameters
         self.layer = ObstacleLayer()
         self.revision = 0
+        self.known = 0.0
         self.grid: Grid | None = None
         self.whole: Grid | None = None
         self.corner = (0, 0)
@@ -203,6 +205,7 @@ class Surroundings:
         if is_same and not self._is_near_edge(place):
             return
         self.whole, self._grid_revision = grid, revision
+        self.known = np.count_nonzero(grid.cells != UNKNOWN) * grid.resolution**2
         self.grid, self.corner = crop(grid, place)
         self._of_map = measure_distances(self._is_wall, grid.resolution)
         self.layer.lie_on(self.grid)
