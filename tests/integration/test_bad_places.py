@@ -9,6 +9,7 @@ import sys
 
 import pytest
 from wasd_bringup.cli import main
+from wasd_bringup.cli.options import OPTIONS
 
 pytestmark = pytest.mark.slow
 
@@ -24,6 +25,18 @@ NUMBERS = (
     '--goal',
     '--push',
     '--box',
+)
+OUTPUTS = ('--report', '--record', '--save-keys', '--save-map')
+# A gamepad may come later under any name, a network interface is looked for by its name.
+ANY_NAME = ('--gamepad', '--network')
+POLICIES = ('--policy', '--policy-config')  # see tests/policy_player/test_strangers_files.py
+REST = sorted(
+    {
+        option.word
+        for option in OPTIONS
+        if 'action' not in option.how
+        and option.word not in (*PATHS, *SCRIPTS, *NUMBERS, *OUTPUTS, *ANY_NAME, *POLICIES)
+    }
 )
 OTHER_USER = 1234
 WHEEL = (
@@ -74,8 +87,15 @@ def test_a_number_that_is_none_or_huge(option, value, capsys):
     assert_one_line(capsys, ['go2', *RUN, f'{option}={value}'])
 
 
+@pytest.mark.parametrize('option', REST)
+def test_all_other_options_know_none_of_that(option, places, capsys):
+    for robot in ('mbot', 'go2'):
+        for value in (*places.values(), 'nan', '1e308', '-1e308', 'x' * 5000):
+            assert_one_line(capsys, [robot, *RUN, f'{option}={value}'])
+
+
 @pytest.mark.parametrize('name', ['', 'x'])
-@pytest.mark.parametrize('option', (*PATHS, *SCRIPTS, '--report', '--record', '--save-keys'))
+@pytest.mark.parametrize('option', (*PATHS, *SCRIPTS, *OUTPUTS))
 def test_a_folder_that_one_may_not_enter(option, name, tmp_path):
     forbidden = tmp_path / 'forbidden'
     forbidden.mkdir(mode=0o000)
