@@ -186,6 +186,16 @@ def test_the_parameter_and_the_key_choose_the_same_gait(make):
     assert legs.controller.gait == legs.get_parameter('gait').value == 'trot'
 
 
+def test_the_eyes_are_a_parameter_that_follows_the_key(make):
+    legs = make()
+    (result,) = legs.set_parameters([Parameter('eyes', value=True)])
+    assert result.successful
+    assert legs.controller.eyes
+    legs.keys.put(String(data='e'))
+    assert not legs.controller.eyes
+    assert legs.get_parameter('eyes').value is False
+
+
 def test_a_bad_value_at_run_time_is_refused_and_changes_nothing(make):
     legs = make()
     (result,) = legs.set_parameters([Parameter('contact.force_off', value=30.0)])

@@ -22,7 +22,7 @@ from quadruped_sim.locomotion.gait import GaitState
 # Cells along a side of the window around the base; how often it is looked at [s].
 CELLS, PERIOD = 40, 0.02
 # Candidates of a foothold around Raibert's: so many steps of so much [m] ahead and behind, aside.
-_AHEAD, _ASIDE, _APART = 8, 2, 0.02
+_AHEAD, _ASIDE, _APART = 10, 2, 0.02
 # Cost of a candidate: per distance squared [1/m^2], per height between the cells around it that
 # is more than even ground has [1/m], [m], per distance from the one held [1/m], of unknown ground,
 # and per cell around it that is not known.
