@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Writes what the nodes say of themselves: topics.md, parameters.md and each package's config/*.yaml.
+Writes topics.md, parameters.md and each package's config/*.yaml from the nodes themselves.
 
     python docs/reference.py
 
-Every node is made once and asked; a test compares the files with the answers. Only what a topic
-or a service is for stands here, in words.
+It makes every node once and asks it; a test compares the files with the answers. This file has
+only the purpose of each topic and service, in words.
 """
 
 from collections.abc import Iterable, Iterator
@@ -26,70 +26,70 @@ TOPICS = {
     '/tf': 'odom to base from the controllers, map to odom from the navigator, joints',
     '/tf_static': 'fixed joints, stamp 0',
     '~/cmd_vel_out': 'the velocity within the limits, with `publish_limited_velocity:=true`',
-    '~/state': 'what the guard does to the command in force, and why',
+    '~/state': 'action of the guard on the present command, and its reason',
     'cmd_vel_smoothed': 'velocity for the guard, by its parameter `cmd_vel_in_topic`',
-    '~/set_odometry': 'where odometry is to go on from',
-    'cmd_vel': 'velocity to drive with; TwistStamped by the parameter `stamped`',
+    '~/set_odometry': 'new pose of odometry',
+    'cmd_vel': 'velocity command; TwistStamped with the parameter `stamped`',
     'cmd_vel_out': 'the velocity of the source that drives',
     '/diagnostics': 'state, real-time factor, overruns, at 1 Hz; the namespace is in the name',
     'elevation': 'heights around the robot in `odom`: see [sensors](sensors.md#an-elevation)',
     'driver': 'who drives, since when, by which right, who else asks ([drivers](drivers.md))',
-    'e_stop': 'true stops every source: of a run, and of the mux, whose lock it is',
+    'e_stop': 'true stops every source of a run, and closes the lock of the mux',
     'foot_contacts': 'force on each foot, as `effort` [N]',
-    'ground_truth/odom': 'where the base really is in the frame `world`, its velocity in its own',
-    'global_costmap/costmap': 'the map as the navigator plans on it, for who listens',
-    'goal_pose': 'where to drive: see [navigation](navigation.md)',
-    'height_scan': 'the heights that policies are trained with, likewise',
+    'ground_truth/odom': 'true pose of the base in the frame `world`, velocity in the base',
+    'global_costmap/costmap': 'the costmap of the navigator, only for subscribers',
+    'goal_pose': 'goal of the navigator: see [navigation](navigation.md)',
+    'height_scan': 'the heights that policies are trained with: see there, too',
     'imu/data': 'orientation, angular velocity and acceleration in the IMU frame',
     'joint_commands': 'two points per message: positions, velocities, efforts; kp, kd',
     'joint_states': 'position, velocity and effort of every moving joint',
     'joy': 'axes and buttons of a gamepad: see [gamepad](gamepad.md)',
-    'joy_priority': 'lock of the mux: true stops what is below the joystick',
+    'joy_priority': 'lock of the mux: true stops sources below the joystick',
     'joy_vel': 'velocity from a joystick',
     'key_vel': 'velocity from a keyboard',
     'keys': 'one key: `w`, `UP`, `ESC`, `CTRL+c`',
-    'camera/depth/camera_info': 'the lens of the depth camera',
+    'camera/depth/camera_info': 'intrinsics of the depth camera',
     'camera/depth/image_raw': 'depth [m], 32FC1',
-    'camera/camera_info': 'the lens of the colour camera',
+    'camera/camera_info': 'intrinsics of the colour camera',
     'camera/image_raw': 'colour, rgb8',
     'camera/image_raw/compressed': 'the same as JPEG',
-    'initialpose': 'where in the map the robot is',
-    'local_plan': 'the motion that the navigator has chosen',
-    'map': 'what is free, occupied and unknown; at most once a second',
-    'map_metadata': 'size and place of the map',
-    'plan': 'the way to the goal',
-    'pose': 'where in the map the robot was at each scan, as slam_toolbox tells it',
+    'initialpose': 'pose of the robot in the map',
+    'local_plan': 'the motion that the navigator follows',
+    'map': 'free, occupied and unknown cells; at most once a second',
+    'map_metadata': 'size and origin of the map',
+    'plan': 'the path to the goal',
+    'pose': 'pose of the robot in the map at each scan, under the name of slam_toolbox',
     'nav_vel': 'velocity from navigation',
     'odom': 'odometry, with the stamp of its /tf',
-    'odom_error': 'how far `odom` is off the truth of its own instant',
+    'odom_error': 'error of `odom` against the truth at its stamp',
     'pause_navigation': 'lock of the mux: true stops navigation',
     'robot_description': 'the URDF',
-    'kinect/depth/camera_info': 'the lens of the depth camera of mbot_kinect',
+    'kinect/depth/camera_info': 'intrinsics of the depth camera of mbot_kinect',
     'kinect/depth/image_raw': 'depth [m] from mbot_kinect, 32FC1',
-    'kinect/rgb/camera_info': 'the lens of the colour camera of mbot_kinect',
+    'kinect/rgb/camera_info': 'intrinsics of the colour camera of mbot_kinect',
     'kinect/rgb/image_raw': 'colour from mbot_kinect, rgb8',
     'kinect/rgb/image_raw/compressed': 'the same as JPEG',
-    'points': 'the cloud of the lidar of points: see [sensors](sensors.md)',
+    'points': 'cloud of the 3D lidar: see [sensors](sensors.md)',
     'scan': 'ranges of the lidar by REP 117',
     'selected': 'name of the source that drives, or nothing',
     'state': "the controller's state: passive, fixed stand, trotting, ...",
-    'stop_closing_loop': 'lock of the mux: true stops what is below 200',
+    'stop_closing_loop': 'lock of the mux: true stops sources below 200',
     'tab_vel': 'velocity from a tablet',
     'twist_marker': 'the velocity as an arrow for RViz',
-    'utlidar/cloud': 'the same as `points`, by the name it has on a Go2',
-    'wheel_slip': 'how much each wheel slips: ratio as `position`, [m/s] as `velocity`',
+    'utlidar/cloud': 'the same as `points`, under its name on a Go2',
+    'wheel_slip': 'slip of each wheel: ratio as `position`, [m/s] as `velocity`',
 }
 SERVICES = {
-    'simulator ~/reset': 'the robot back at its start; time goes on',
-    'simulator ~/pause': 'stop physics and /clock, or go on',
+    'simulator ~/reset': 'put the robot back at its start; time goes on',
+    'simulator ~/pause': 'stop physics and /clock, or continue',
     'simulator ~/step': 'one physics step while paused',
-    'leg_controller ~/e_stop': 'passive at once',
+    'leg_controller ~/e_stop': 'make the legs passive at once',
     'drivers ~/e_stop': 'stop every robot of the run; with `--latched` until it is released',
-    'drivers ~/release_e_stop': 'end a stop that holds',
-    'navigator ~/save_map': 'write the map to the parameter `save_map`, .yaml, .pgm, .places.npz',
-    'navigator ~/reset': 'begin the map anew',
-    'navigator ~/cancel': 'drive to no goal any more',
-    'diff_drive_controller ~/reset_odometry': 'odometry back at the origin',
+    'drivers ~/release_e_stop': 'release a latched stop',
+    'navigator ~/save_map': 'write the map as the parameter `save_map`: .yaml, .pgm, .places.npz',
+    'navigator ~/reset': 'begin a new map',
+    'navigator ~/cancel': 'cancel the goal and those after it',
+    'diff_drive_controller ~/reset_odometry': 'set odometry back to the origin',
 }
 
 
@@ -98,17 +98,17 @@ TOPICS_PAGE = f"""# Topics and services
 Written by `{COMMAND}` from the nodes themselves.
 
 A name without a slash in front is relative: in the namespace `robot` (`-r __ns:=/robot`), `odom`
-is `/robot/odom`. `~` is the name of the node. Lidars and cameras have the topics that the robot's
-description gives them; here are those of the robots that come along.
+is `/robot/odom`. `~` is the name of the node. The robot's description names the topics of lidars
+and cameras; the table has those of the built-in robots.
 
 ## Topics
 
 %s
 
-*Quality*: every publisher offers reliable delivery, so every tool gets every topic, whatever it
-asks for. *Best effort* is what the subscriber here asks for: a consumer of sensor data must not
-wait for what was lost (REP 2003). A *latched* topic (transient local) gives its last message to
-who comes late. The profiles are in `wasd_core/topics.py`.
+*Quality*: every publisher offers reliable delivery, so every tool gets every topic, with any
+quality of service. *Best effort* is the request of our subscriber: it must not wait for lost
+sensor data (REP 2003). A *latched* topic (transient local) gives its last message to late
+subscribers. The profiles are in `wasd_core/topics.py`.
 
 `/tf` and `/tf_static` need the package tf2_msgs: see [install](install.md).
 
@@ -120,15 +120,15 @@ PARAMETERS_PAGE = f"""# Parameters
 
 Written by `{COMMAND}` from the nodes themselves.
 
-The same defaults are in `share/PACKAGE/config/NODE.yaml`, to copy, change and give with
-`--ros-args --params-file FILE`; one by one it is `--ros-args -p NAME:=VALUE`. Those marked *live*
-can be set while the node runs, the others are read-only. What is out of range is refused with the
-range; at its ends the Go2 trots on, one parameter at a time
+`share/PACKAGE/config/NODE.yaml` has the same defaults. Copy and change it, and give it with
+`--ros-args --params-file FILE`; a single parameter is `--ros-args -p NAME:=VALUE`. You can set
+*live* parameters while the node runs; the others are read-only. A node refuses a value out of
+range and names the range. With any one parameter at either end of its range the Go2 still trots
 (`python benchmarks/parameter_bounds.py`). Every node has `use_sim_time`, too.
 
-The leg controller's are the Go2's, also those that you give: another robot walks with them scaled
-to its size and mass, by their units. `wasd go2 --controller FILE` reads such a file, or a plain
-table of names and values; `--ros-args -p` goes before it, the run's `--estimator` before both.
+Values of the leg controller are for the Go2, also those that you give: another robot uses them
+scaled to its size and mass, by their units. `wasd go2 --controller FILE` reads such a file, or a
+plain table of names and values. `--ros-args -p` overrides the file, `--estimator` overrides both.
 %s"""
 
 
@@ -150,7 +150,7 @@ def topics_page(nodes: Iterable[NodeFacts]) -> str:
         for node, service in [name.split()]
     ]
     return TOPICS_PAGE % (
-        _table(['topic', 'type', 'from', 'to', 'quality', 'what it carries'], topic_rows),
+        _table(['topic', 'type', 'from', 'to', 'quality', 'content'], topic_rows),
         _table(['service', 'of', 'type', 'what it does'], service_rows),
     )
 

@@ -67,32 +67,32 @@ class LimitParameters(Parameters):
     linear_max_velocity: float = X.limit('max_velocity', 'Largest forward speed', 1.0)
     linear_min_velocity: float = X.limit('min_velocity', 'Largest backward speed')
     linear_max_acceleration: float = X.limit(
-        'max_acceleration', 'Most that speeds it up forward', 1.0
+        'max_acceleration', 'Largest acceleration forward', 1.0
     )
     linear_max_deceleration: float = X.limit(
-        'max_deceleration', 'Most that slows it down when it goes forward'
+        'max_deceleration', 'Largest deceleration in forward motion'
     )
     linear_max_acceleration_reverse: float = X.limit(
-        'max_acceleration_reverse', 'Most that speeds it up backward'
+        'max_acceleration_reverse', 'Largest acceleration backward'
     )
     linear_max_deceleration_reverse: float = X.limit(
-        'max_deceleration_reverse', 'Most that slows it down when it goes backward'
+        'max_deceleration_reverse', 'Largest deceleration in backward motion'
     )
     linear_max_jerk: float = X.limit('max_jerk', 'Fastest growth of acceleration')
     linear_min_jerk: float = X.limit('min_jerk', 'Fastest fall of acceleration')
     angular_max_velocity: float = Z.limit('max_velocity', 'Largest yaw rate to the left', 4.0)
     angular_min_velocity: float = Z.limit('min_velocity', 'Largest yaw rate to the right')
     angular_max_acceleration: float = Z.limit(
-        'max_acceleration', 'Most that speeds a left turn up', 6.0
+        'max_acceleration', 'Largest acceleration of a left turn', 6.0
     )
     angular_max_deceleration: float = Z.limit(
-        'max_deceleration', 'Most that slows a left turn down'
+        'max_deceleration', 'Largest deceleration of a left turn'
     )
     angular_max_acceleration_reverse: float = Z.limit(
-        'max_acceleration_reverse', 'Most that speeds a right turn up'
+        'max_acceleration_reverse', 'Largest acceleration of a right turn'
     )
     angular_max_deceleration_reverse: float = Z.limit(
-        'max_deceleration_reverse', 'Most that slows a right turn down'
+        'max_deceleration_reverse', 'Largest deceleration of a right turn'
     )
     angular_max_jerk: float = Z.limit('max_jerk', 'Fastest growth of acceleration')
     angular_min_jerk: float = Z.limit('min_jerk', 'Fastest fall of acceleration')
@@ -142,18 +142,18 @@ class OdometryParameters(Parameters):
     )
     odometry_feedback: str = parameter(
         'joint_states',
-        doc='What odometry counts: wheel angles as they are, or whole encoder ticks',
+        doc='Input of odometry: exact wheel angles, or whole encoder ticks',
         choices=('joint_states', 'ticks'),
         read_only=True,
     )
     open_loop: bool = parameter(
-        False, doc='Odometry counts what is commanded, not what the wheels do', read_only=True
+        False, doc='Compute odometry from commands, not from the wheels', read_only=True
     )
     velocity_rolling_window_size: int = parameter(
         10,
         minimum=1,
         maximum=1000,
-        doc='The velocity of odometry is the mean over so many steps',
+        doc='Number of steps over which the velocity of odometry is averaged',
         read_only=True,
     )
     pose_covariance_diagonal: tuple[float, ...] = parameter(
@@ -221,7 +221,7 @@ class WheelParameters(Parameters):
 
     mode: str = parameter(
         'float',
-        doc='What turns the wheels: a PID loop on encoder ticks, the integer loop of the ArbotiX '
+        doc='Drive of the wheels: a PID loop on encoder ticks, the integer loop of the ArbotiX '
         'firmware, or nothing but arithmetic, without physics and motors',
         choices=MODES,
         read_only=True,
@@ -359,7 +359,7 @@ class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
         0.5,
         minimum=0.0,
         maximum=60.0,
-        doc='The robot stops when cmd_vel is silent for so long; 0 is never',
+        doc='Silence on cmd_vel after which the robot stops; 0: never',
         unit='s',
     )
     stamped: str = parameter(

@@ -53,14 +53,14 @@ class SimulatorParameters(Parameters):
         'flat', doc=f'World: {WORLD_NAMES}, or an MJCF or URDF file', read_only=True
     )
     seed: int = parameter(
-        0, minimum=0, maximum=2**63 - 1, doc='Seed of everything random', read_only=True
+        0, minimum=0, maximum=2**63 - 1, doc='Seed of all random numbers', read_only=True
     )
     speed: float = parameter(
         1.0,
         minimum=0.001,
         maximum=1000.0,
         or_zero=True,
-        doc='Real-time factor aimed at; 0 is as fast as possible',
+        doc='Target real-time factor; 0 is as fast as possible',
     )
     clock_rate: float = parameter(
         100.0, minimum=1.0, maximum=1000.0, doc='Rate of /clock', unit='Hz', read_only=True
@@ -77,7 +77,7 @@ class SimulatorParameters(Parameters):
     )
     sensor_noise: bool = parameter(
         True,
-        doc='Whether lidars, cameras and the sensors of a legged robot have noise',
+        doc='Add noise to lidars, cameras and the sensors of a legged robot',
         read_only=True,
     )
     lidar: str = parameter(
@@ -88,7 +88,7 @@ class SimulatorParameters(Parameters):
     )
     friction: float = parameter(
         math.nan,
-        doc='Friction of feet or wheels on any floor; the controller is not told',
+        doc='Friction of feet or wheels on any floor; the controller does not know it',
         minimum=FRICTION[0],
         maximum=FRICTION[1],
         read_only=True,
@@ -96,12 +96,12 @@ class SimulatorParameters(Parameters):
     )
     payload: str = parameter(
         '',
-        doc='Load welded to the base, KG or KG@X,Y,Z in its frame; the controller is not told',
+        doc='Load on the base, KG or KG@X,Y,Z in its frame; the controller does not know it',
         read_only=True,
     )
     randomise: float = parameter(
         0.0,
-        doc='How much a quadruped differs from its description at random, by the seed',
+        doc='Random difference of a quadruped from its description, by the seed',
         minimum=0.0,
         maximum=1.0,
         read_only=True,
@@ -110,20 +110,20 @@ class SimulatorParameters(Parameters):
         1.0,
         minimum=0.0,
         maximum=100.0,
-        doc='How many times the usual a noisy IMU drifts',
+        doc='Drift of the noisy IMU, in multiples of the default',
         read_only=True,
     )
     camera_scale: float = parameter(
         1.0,
         minimum=0.05,
         maximum=1.0,
-        doc='Size of camera images, as a share of what the description says',
+        doc='Scale of camera images, relative to the description',
     )
     command_timeout: float = parameter(
         0.1,
         minimum=0.01,
         maximum=10.0,
-        doc='Motors brake when joint_commands is silent for so long',
+        doc='Silence on joint_commands after which motors brake',
         unit='s',
     )
     answer_patience: float = parameter(

@@ -103,7 +103,7 @@ class LegNodeParameters(LegControllerParameters):
     )
     policy_config: str = parameter(
         '',
-        doc='File or preset that says how the network was trained, where it does not itself',
+        doc='File or preset with the training settings, if the network has none',
         read_only=True,
     )
     eyes: bool = parameter(

@@ -81,23 +81,27 @@ class GaitParameters(Parameters):
         above=0.0,
         unit='s',
         span=(0.1, 20.0),
-        doc='Time constant in which rough ground is forgotten',
+        doc='Time constant of forgetting rough ground',
     )
     haste_error: float = parameter(
         0.35,
         minimum=0.0,
         unit='m/s',
         span=(0.1, 2.0),
-        doc='Velocity error from which on the gait hastens',
+        doc='Velocity error above which the gait speeds up',
     )
     haste_gain: float = parameter(
         3.0,
         minimum=0.0,
         span=(0.0, 6.0),
-        doc='Speed that the gait takes on, per velocity error beyond that',
+        doc='Gain of gait speed per velocity error above that',
     )
     haste_decay: float = parameter(
-        2.0, above=0.0, unit='m/s^2', span=(0.2, 20.0), doc='How fast the gait calms down again'
+        2.0,
+        above=0.0,
+        unit='m/s^2',
+        span=(0.2, 20.0),
+        doc='Rate at which the gait slows to normal again',
     )
     early_contact_phase: float = parameter(
         0.6,
@@ -147,10 +151,10 @@ class MpcParameters(Parameters):
         0.4,
         above=0.0,
         span=(0.2, 0.8),
-        doc='Friction coefficient the forces stay inside; guessed at first, then felt: see grip',
+        doc='Friction coefficient that limits forces; a guess at first, then estimated: see grip',
     )
     force_min: float = parameter(
-        5.0, minimum=0.0, unit='N', span=(0.0, 20.0), doc='Least normal force of a foot'
+        5.0, minimum=0.0, unit='N', span=(0.0, 20.0), doc='Smallest normal force of a foot'
     )
     force_max: float = parameter(
         260.0, above=0.0, unit='N', span=(150.0, 600.0), doc='Largest normal force of a foot'
@@ -296,14 +300,14 @@ class BalanceParameters(Parameters):
         above=0.0,
         unit='m/s^2',
         span=(1.0, 20.0),
-        doc='Largest linear acceleration asked for, per axis',
+        doc='Largest desired linear acceleration, per axis',
     )
     rotation_max: float = parameter(
         40.0,
         above=0.0,
         unit='rad/s^2',
         span=(10.0, 160.0),
-        doc='Largest angular acceleration asked for, per axis',
+        doc='Largest desired angular acceleration, per axis',
     )
 
 
@@ -359,7 +363,7 @@ class GroundParameters(Parameters):
         doc='Time constant of the estimated ground height',
     )
     slope_max: float = parameter(
-        0.6, minimum=0.0, unit='rad', span=(0.0, 1.0), doc='Steepest slope believed in'
+        0.6, minimum=0.0, unit='rad', span=(0.0, 1.0), doc='Largest slope estimate'
     )
 
 
@@ -377,7 +381,7 @@ class ContactParameters(Parameters):
         12.0, above=0.0, unit='N', span=(4.0, 18.0), doc='Normal force that ends a contact'
     )
     load_time: float = parameter(
-        0.5, above=0.0, unit='s', span=(0.1, 5.0), doc='Time constant in which a load is felt'
+        0.5, above=0.0, unit='s', span=(0.1, 5.0), doc='Time constant of the estimate of a load'
     )
 
     def __post_init__(self) -> None:
@@ -399,31 +403,31 @@ class GripParameters(Parameters):
         above=0.0,
         unit='m/s',
         span=(0.1, 1.0),
-        doc='Speed from which on a foot that stands slips',
+        doc='Speed above which a stance foot slips',
     )
     share: float = parameter(
         0.8,
         above=0.0,
         maximum=1.0,
         span=(0.4, 1.0),
-        doc='Share of the friction felt that forces may use',
+        doc='Share of the estimated friction that forces may use',
     )
     fall_time: float = parameter(
         0.02,
         above=0.0,
         unit='s',
         span=(0.01, 0.2),
-        doc='Time constant in which slipping feet lower it',
+        doc='Time constant at which slipping feet lower it',
     )
     rise: float = parameter(
         0.5,
         minimum=0.0,
         unit='1/s',
         span=(0.0, 3.0),
-        doc='How fast feet raise it that bear more and do not slip',
+        doc='Rate at which loaded feet without slip raise it',
     )
-    least: float = parameter(0.1, above=0.0, span=(0.05, 0.3), doc='Least friction believed in')
-    most: float = parameter(0.7, above=0.0, span=(0.4, 1.2), doc='Largest friction believed in')
+    least: float = parameter(0.1, above=0.0, span=(0.05, 0.3), doc='Smallest friction estimate')
+    most: float = parameter(0.7, above=0.0, span=(0.4, 1.2), doc='Largest friction estimate')
 
     def __post_init__(self) -> None:
         """Check each value, and that there is a friction to believe in."""
@@ -457,7 +461,7 @@ class EstimatorParameters(Parameters):
         minimum=0.0,
         unit='m/s^2',
         span=(0.0, 0.05),
-        doc='How far that bias walks per root second',
+        doc='Random walk of that bias per root second',
     )
     foot_noise: float = parameter(
         0.02,
@@ -485,7 +489,7 @@ class EstimatorParameters(Parameters):
         above=0.0,
         unit='m/s',
         span=(0.02, 0.2),
-        doc='Disagreement of a foot with the IMU at which it is believed half',
+        doc='Disagreement of a foot with the IMU that halves its weight',
     )
     gyro_noise: float = parameter(
         0.01,
@@ -506,14 +510,14 @@ class EstimatorParameters(Parameters):
         minimum=0.0,
         unit='rad/s',
         span=(0.0, 0.0001),
-        doc='How far that bias walks per root second',
+        doc='Random walk of that bias per root second',
     )
     level_band: float = parameter(
         0.05,
         minimum=0.0,
         unit='m',
         span=(0.0, 0.2),
-        doc="Feet farther off the ground's level stand on another",
+        doc='Height above the estimated ground from which a foot stands on other ground',
     )
     level_time: float = parameter(
         0.2,
@@ -526,13 +530,13 @@ class EstimatorParameters(Parameters):
         0.02,
         above=0.0,
         span=(0.005, 0.2),
-        doc='Rise over way of ground from which on it is not even',
+        doc='Slope above which ground counts as uneven',
     )
     level_rate: float = parameter(
         2.5,
         span=(1.5, 6.0),
         unit='rad/s',
-        doc='Roll and pitch rate of a robot that is thrown, which learns nothing of the level',
+        doc='Roll and pitch rate above which the robot is thrown and the level is not estimated',
     )
     step_band: float = parameter(
         0.03,
@@ -594,7 +598,7 @@ class CommandParameters(Parameters):
         above=0.0,
         unit='m/s',
         span=(0.1, 2.0),
-        doc='Lag of a Go2 from which on its command grows more slowly; at twice that, not at all',
+        doc='Lag of a Go2 that slows the growth of its command; twice this lag stops it',
     )
     timeout: float = parameter(
         0.5,
@@ -615,13 +619,13 @@ class JumpParameters(Parameters):
     """
 
     height: float = parameter(
-        0.18, above=0.0, unit='m', span=(0.05, 0.2), doc='How high the base rises after take-off'
+        0.18, above=0.0, unit='m', span=(0.05, 0.2), doc='Rise of the base after take-off'
     )
     distance: float = parameter(
         0.0,
         unit='m',
         span=(-0.25, 0.5),
-        doc='How far ahead it lands, behind if negative; at most 3 times the height, 1.5 behind',
+        doc='Landing distance ahead, behind if negative; at most 3 times the height, 1.5 behind',
     )
 
     def __post_init__(self) -> None:
@@ -644,15 +648,15 @@ class SafetyParameters(Parameters):
         above=0.0,
         unit='rad',
         span=(0.6, 1.4),
-        doc='Tilt beyond which it goes passive: 60 deg',
+        doc='Tilt above which it becomes passive: 60 deg',
     )
     joint_margin: float = parameter(
         0.3,
         minimum=0.0,
         unit='rad',
         span=(0.05, 1.0),
-        doc='How far past its limit a joint reading is believed',
+        doc='Largest plausible overshoot of a joint reading past its limit',
     )
     solver_failures: int = parameter(
-        25, minimum=1, span=(5, 500), doc='Failed QPs in a row after which it goes passive'
+        25, minimum=1, span=(5, 500), doc='Failed QPs in a row after which it becomes passive'
     )

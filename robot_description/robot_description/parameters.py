@@ -26,7 +26,7 @@ class StatePublisherParameters(Parameters):
 state_publisher = Executable(
     name='state_publisher',
     module='robot_description.state_publisher_node',
-    about="Publishes robot_description, and from joint_states where the robot's links are: /tf.",
+    about='Publishes robot_description, and with joint_states the poses of links on /tf.',
     parameters=('robot_description.parameters:StatePublisherParameters',),
     example='state_publisher --ros-args -p description:=mbot -p use_sim_time:=true',
 )

@@ -39,7 +39,7 @@ key_publisher = Executable(
 keys_to_twist = Executable(
     name='keys_to_twist',
     module='teleop_keyboard.keys_to_twist_node',
-    about='Turns keys into velocities on cmd_vel, by a preset and its ramps.',
+    about='Turns keys into velocities on cmd_vel, with a preset and its ramps.',
     parameters=('teleop_keyboard.parameters:TeleopParameters',),
     notes=TWIST_NOTES,
     example='keys_to_twist --ros-args -p preset:=wasd -p speed:=0.3',
@@ -47,7 +47,7 @@ keys_to_twist = Executable(
 teleop = Executable(
     name='teleop',
     module='teleop_keyboard.teleop_node',
-    about='Drives with the keyboard: keys and cmd_vel of one terminal, and a dashboard.',
+    about='Drives with the keyboard of one terminal: keys, cmd_vel and a dashboard.',
     parameters=('teleop_keyboard.parameters:TeleopParameters',),
     notes=(*TWIST_NOTES, '', 'keys: wasd keys, wasd keys NAME; `?` shows them while it runs'),
     example='teleop --ros-args -p preset:=wasd -r cmd_vel:=key_vel',
@@ -56,7 +56,7 @@ teleop = Executable(
 twist_mux = Executable(
     name='twist_mux',
     module='teleop_keyboard.twist_mux_node',
-    about='Lets one of several velocity sources drive, by priority, time-out and locks.',
+    about='Selects one of several velocity sources, by priority, time-out and locks.',
     parameters=('teleop_keyboard.parameters:MuxParameters',),
     notes=(
         '  topics.NAME.topic, .timeout [s], .priority; locks.NAME.topic, .timeout, .priority',
@@ -94,11 +94,11 @@ class KeyParameters(Parameters):
     """What the key publisher sends."""
 
     raw: bool = parameter(
-        False, doc='One message for each character, as the tutorials.', read_only=True
+        False, doc='Publish one message for each character, like the tutorials.', read_only=True
     )
     help: str = parameter(
         '',
-        doc="The keys in words, shown at start; with them, the robot's state is shown.",
+        doc="Help text of the keys, shown at start together with the robot's state.",
         read_only=True,
     )
 
@@ -130,14 +130,14 @@ class TeleopParameters(Parameters):
     )
     key_timeout: float = parameter(
         0.0,
-        doc='Longest time that a key counts without another word of it; 0: as learnt from the '
+        doc='Longest time that a key counts without a repeat; 0: as learnt from the '
         'keyboard (hold), for ever (latch, step).',
         unit='s',
         minimum=0.0,
         maximum=60.0,
     )
     step_share: float = parameter(
-        0.1, minimum=0.001, maximum=1.0, doc='What a press adds in mode step, of full speed.'
+        0.1, minimum=0.001, maximum=1.0, doc='Share of full speed that a press adds in mode step.'
     )
     speed: float = _speed('Full speed; 0: as the preset says.', 'm/s')
     turn: float = _speed('Full turn rate; 0: as the preset says.', 'rad/s')
@@ -154,7 +154,7 @@ class TeleopParameters(Parameters):
         'Turning down to a stop with no key; 0: as turning down.', 'rad/s^2'
     )
     keep_direction: bool = parameter(
-        False, doc='Ramp all axes at the pace of the slowest: the path of the robot stays.'
+        False, doc='Ramp all axes at the pace of the slowest, so that the path keeps its shape.'
     )
     rate: float = parameter(
         0.0,
@@ -251,12 +251,12 @@ class JoyParameters(Parameters):
     require_enable_button: bool = parameter(
         True, doc='Drive only while enable_button is down: the dead-man button.'
     )
-    enable_button: int = _button(4, 'Held, the sticks drive')
-    enable_turbo_button: int = _button(5, 'Held, they drive at the turbo scales')
+    enable_button: int = _button(4, 'While held, the sticks drive')
+    enable_turbo_button: int = _button(5, 'While held, they drive at the turbo scales')
     inverted_reverse: bool = parameter(False, doc='Turn the other way while reversing.')
     keys: tuple[str, ...] = parameter(
         ('B=STOP', 'SELECT=TAB'),
-        doc='What buttons press on keys: BUTTON=KEY, or BUTTON+BUTTON=KEY for both at once.',
+        doc='Keys that buttons press: BUTTON=KEY, or BUTTON+BUTTON=KEY for both at once.',
         read_only=True,
     )
     axis_linear: LinearAxes = group(LinearAxes)
@@ -304,20 +304,22 @@ class PadParameters(Parameters):
     """Which pad, and how it is told of."""
 
     device: str = parameter(
-        '', doc="The pad's file, as /dev/input/js0; '': the first that comes.", read_only=True
+        '',
+        doc="Device of the gamepad, like /dev/input/js0; '': the first that appears.",
+        read_only=True,
     )
     preset: str = parameter(
         'mbot',
-        doc='What the parameters below are where they are not given.',
+        doc='Source of the parameters below that are not given.',
         choices=tuple(PAD_PRESETS),
         read_only=True,
     )
     deadzone: float = parameter(
-        0.05, doc='Share of an axis around its middle that is 0.', minimum=0.0, maximum=0.9
+        0.05, doc='Dead zone around the centre of an axis, as a share.', minimum=0.0, maximum=0.9
     )
     autorepeat_rate: float = parameter(
         20.0,
-        doc='How often a state that stays is told; 0: never.',
+        doc='Rate of repeating an unchanged state; 0: never.',
         unit='Hz',
         minimum=0.1,
         or_zero=True,

@@ -43,14 +43,14 @@ STEP_PERIOD = 0.02
 # What the fields of the tables' rows mean.
 ROW_FIELDS = {
     'topics': {
-        'topic': 'Where the source sends its velocities',
+        'topic': "Topic of the source's velocities",
         'timeout': 'The source is lost after this silence; 0: never',
-        'priority': 'The highest that is alive drives; 0: never',
+        'priority': 'The active source with the highest priority drives; 0: never',
     },
     'locks': {
-        'topic': 'Where the lock is closed by true',
+        'topic': 'Topic; true closes the lock',
         'timeout': 'The lock closes after this silence; 0: it keeps its last value',
-        'priority': 'Closed, it stops every source of a lower priority',
+        'priority': 'A closed lock stops every source of a lower priority',
     },
 }
 LAST_WORDS_TIMEOUT = 0.3

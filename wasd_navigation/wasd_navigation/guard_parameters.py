@@ -11,7 +11,7 @@ from wasd_navigation.parameters import SizeParameters
 guard = Executable(
     name='guard',
     module='wasd_navigation.guard_node',
-    about='Lets no velocity drive a robot into what its lidar sees; between mux and controller.',
+    about='Slows and stops a robot before obstacles of its lidar; between mux and controller.',
     parameters=('wasd_navigation.guard_parameters:GuardNodeParameters',),
     example='guard --ros-args -p use_sim_time:=true -p cmd_vel_in_topic:=cmd_vel_smoothed',
 )
@@ -21,14 +21,12 @@ guard = Executable(
 class GuardParameters(Parameters):
     """When a command is limited, and by how much."""
 
-    enabled: bool = parameter(
-        True, name='FootprintApproach.enabled', doc='Whether commands are limited at all'
-    )
+    enabled: bool = parameter(True, name='FootprintApproach.enabled', doc='Limit commands')
     action_type: str = parameter(
         'approach',
         name='FootprintApproach.action_type',
         choices=('approach', 'slowdown', 'stop'),
-        doc='What is done to a command that would collide within time_before_collision',
+        doc='Action on a command that would collide within time_before_collision',
     )
     time_before_collision: float = parameter(
         1.0,
@@ -36,35 +34,35 @@ class GuardParameters(Parameters):
         unit='s',
         minimum=0.1,
         maximum=10.0,
-        doc='A collision that is nearer in time slows the robot down',
+        doc='Slows the robot down if a collision is nearer in time',
     )
     slowdown_ratio: float = parameter(
         0.5,
         name='FootprintApproach.slowdown_ratio',
         minimum=0.0,
         maximum=1.0,
-        doc='Share of a command that is followed where the action is slowdown',
+        doc='Share of a command that the action slowdown follows',
     )
     footprint_padding: float = parameter(
         0.03,
         unit='m',
         minimum=0.0,
         maximum=1.0,
-        doc='Room that is kept around the footprint',
+        doc='Clearance around the footprint',
     )
     reaction_time: float = parameter(
         0.15,
         unit='s',
         minimum=0.0,
         maximum=2.0,
-        doc='For so long a command is followed before the next one can brake',
+        doc='Delay before the next command can brake',
     )
     source_timeout: float = parameter(
         0.5,
         unit='s',
         minimum=0.05,
         maximum=10.0,
-        doc='A scan that is older stops the robot',
+        doc='Age of the scan above which the robot stops',
     )
 
 
@@ -88,13 +86,11 @@ class GuardNodeParameters(SizeParameters, GuardParameters):
     """What the node needs beside that."""
 
     cmd_vel_in_topic: str = parameter(
-        'cmd_vel_smoothed', doc='Where commands come from', read_only=True
+        'cmd_vel_smoothed', doc='Topic of incoming commands', read_only=True
     )
-    cmd_vel_out_topic: str = parameter('cmd_vel', doc='Where limited commands go', read_only=True)
+    cmd_vel_out_topic: str = parameter('cmd_vel', doc='Topic of limited commands', read_only=True)
     enable_stamped_cmd_vel: bool = parameter(
         False, doc='Commands are TwistStamped, not Twist', read_only=True
     )
-    scan_topic: str = parameter(
-        'scan', name='scan.topic', doc='Where scans come from', read_only=True
-    )
+    scan_topic: str = parameter('scan', name='scan.topic', doc='Topic of scans', read_only=True)
     braking: BrakingParameters = group(BrakingParameters)

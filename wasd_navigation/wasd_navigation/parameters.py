@@ -15,7 +15,7 @@ _DEPTH = 0.11
 navigator = Executable(
     name='navigator',
     module='wasd_navigation.navigator_node',
-    about='Maps or localises by scan and odom, drives to goal_pose by cmd_vel.',
+    about='Maps or localises with scan and odom; drives to goal_pose with cmd_vel.',
     parameters=('wasd_navigation.parameters:NavigatorParameters',),
     example='navigator --ros-args -p use_sim_time:=true -r cmd_vel:=nav_vel',
 )
@@ -97,7 +97,7 @@ class SizeParameters(Parameters):
         minimum=0.02,
         or_zero=True,
         maximum=10.0,
-        doc='Length of a robot that is no circle, its base frame in its middle; 0: round',
+        doc='Length of a robot that is not round, centred on its base frame; 0: round',
         read_only=True,
     )
     footprint_width: float = parameter(
@@ -139,7 +139,7 @@ class MappingParameters(Parameters):
         0.012,
         minimum=0.001,
         maximum=0.5,
-        doc="Least standard deviation of the lidar's ranges",
+        doc="Smallest standard deviation of the lidar's ranges",
         unit='m',
         read_only=True,
     )
@@ -147,7 +147,7 @@ class MappingParameters(Parameters):
         math.nan,
         minimum=0.0,
         maximum=0.2,
-        doc='Standard deviation as a share of the range, where that is more',
+        doc='Standard deviation as a share of the range, if larger',
         nan='what scans show',
         read_only=True,
     )
@@ -155,7 +155,7 @@ class MappingParameters(Parameters):
         0.3,
         minimum=0.05,
         maximum=5.0,
-        doc='A place is kept after so much way',
+        doc='Distance after which the mapper keeps a new place',
         unit='m',
         read_only=True,
     )
@@ -163,7 +163,7 @@ class MappingParameters(Parameters):
         0.35,
         minimum=0.05,
         maximum=3.2,
-        doc='A place is kept after so much turning',
+        doc='Turn after which the mapper keeps a new place',
         unit='rad',
         read_only=True,
     )
@@ -171,14 +171,14 @@ class MappingParameters(Parameters):
         25,
         minimum=3,
         maximum=200,
-        doc='A scan is matched against what was seen from so many last places',
+        doc='Number of last places whose scans a scan is matched against',
         read_only=True,
     )
     loop_search_maximum_distance: float = parameter(
         2.5,
         minimum=0.1,
         maximum=20.0,
-        doc='A loop is closed with a place within this distance',
+        doc='Largest distance to a place for closing a loop with it',
         unit='m',
         read_only=True,
     )
@@ -186,14 +186,14 @@ class MappingParameters(Parameters):
         2,
         minimum=1,
         maximum=1000,
-        doc='Of so many places one is tried to close a loop with',
+        doc='One of this many places is tried for closing a loop',
         read_only=True,
     )
     loop_match_minimum_chain_size: int = parameter(
         13,
         minimum=1,
         maximum=200,
-        doc='Old places around one, with which a loop is closed',
+        doc='Number of old places around a place for closing a loop',
         read_only=True,
     )
 
@@ -230,7 +230,7 @@ class DriveLimits(Parameters):
         3.0, unit='rad/s^2', minimum=0.05, maximum=100.0, doc='Largest change of the yaw rate'
     )
     lag: float = parameter(
-        0.1, unit='s', minimum=0.0, maximum=2.0, doc='Time constant in which it follows a command'
+        0.1, unit='s', minimum=0.0, maximum=2.0, doc='Time constant of following a command'
     )
 
 
@@ -243,50 +243,50 @@ class PlanningParameters(Parameters):
         unit='m',
         minimum=0.005,
         maximum=5.0,
-        doc='Farthest from the goal that counts as there',
+        doc='Largest distance from the goal that counts as arrived',
     )
     yaw_goal_tolerance: float = parameter(
         0.05,
         unit='rad',
         minimum=0.005,
         maximum=3.2,
-        doc='Largest difference of heading that counts as there',
+        doc='Largest heading error that counts as arrived',
     )
     tolerance: float = parameter(
         0.3,
         unit='m',
         minimum=0.0,
         maximum=5.0,
-        doc='Where there is no room at the goal, the nearest place within this will do',
+        doc='Largest distance from a goal without room that counts as arrived',
     )
     margin: float = parameter(
         0.04,
         unit='m',
         minimum=0.0,
         maximum=2.0,
-        doc='Room that is always kept around the footprint',
+        doc='Smallest clearance around the footprint',
     )
     comfort: float = parameter(
         0.20,
         unit='m',
         minimum=0.01,
         maximum=5.0,
-        doc='Room around the footprint that is kept where there is any',
+        doc='Preferred clearance around the footprint',
     )
     comfort_price: float = parameter(
         1.0,
         minimum=0.0,
         maximum=1000.0,
-        doc='What a metre without any comfort costs more, in metres',
+        doc='Extra cost of a metre without any comfort, in metres',
     )
     unknown_price: float = parameter(
         2.0,
         minimum=0.0,
         maximum=1000.0,
-        doc='What a metre where nobody has looked costs more, in metres',
+        doc='Extra cost of a metre of unknown space, in metres',
     )
     occupied: int = parameter(
-        65, minimum=1, maximum=100, doc='Occupancy from which on a cell is an obstacle'
+        65, minimum=1, maximum=100, doc='Smallest occupancy of an obstacle cell'
     )
     silence: float = parameter(
         0.5,
@@ -309,9 +309,11 @@ class PlanningParameters(Parameters):
         doc='Recoveries in a row, without coming nearer, before it gives up',
     )
     samples: int = parameter(
-        300, minimum=16, maximum=2000, doc='Motions that are tried in each step'
+        300, minimum=16, maximum=2000, doc='Number of motions sampled in each step'
     )
-    horizon: int = parameter(30, minimum=5, maximum=100, doc='Tenths of a second each looks ahead')
+    horizon: int = parameter(
+        30, minimum=5, maximum=100, doc='Length of each motion in tenths of a second'
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,10 +324,10 @@ class NavigatorParameters(SizeParameters):
         '', doc='Map to localise in, a YAML of map_server; empty: make one', read_only=True
     )
     continue_map: bool = parameter(
-        False, doc='Go on mapping in that map, by the places saved beside it', read_only=True
+        False, doc='Continue to map in that map, with the places saved beside it', read_only=True
     )
     save_map: str = parameter(
-        'map', doc='Name that ~/save_map writes to, .yaml, .pgm, .places.npz'
+        'map', doc='Name of the files of ~/save_map: .yaml, .pgm, .places.npz'
     )
     map_frame: str = parameter('map', doc='Frame of the map', read_only=True)
     control_frequency: float = parameter(
@@ -333,7 +335,7 @@ class NavigatorParameters(SizeParameters):
         unit='Hz',
         minimum=1.0,
         maximum=100.0,
-        doc='How often it commands a velocity, and tells where odom is in the map',
+        doc='Rate of velocity commands and of the transform from map to odom',
         read_only=True,
     )
     transform_tolerance: float = parameter(
