@@ -9,6 +9,7 @@ from robot_description.description import load_robot
 from robot_description.morphology.equip_wheels import equip_drive, lowest_point
 from robot_description.morphology.wheels import find_drive
 from robot_description.urdf import parse_urdf
+from wasd import Mbot
 from wasd_core.robot_io import GRAVITY
 
 
@@ -103,3 +104,19 @@ def test_the_lowest_point_of_a_shape(shape, rpy, lowest):
             f'<robot name="r"><link name="base"><{kind}>{text}</{kind}></link></robot>'
         )
         assert lowest_point(robot) == pytest.approx(lowest)
+
+
+@pytest.mark.slow
+def test_a_robot_that_floats_on_a_world_is_let_go(tmp_path):
+    """As some simulators want it written; it was held, and its wheels slid."""
+    text = robot_named('mbot').urdf
+    text = text[: text.rindex('</robot>')] + (
+        '<link name="world"/><joint name="free" type="floating"><parent link="world"/>'
+        f'<child link="{parsed("mbot").root}"/><origin xyz="0 0 1"/></joint></robot>'
+    )
+    (path := tmp_path / 'floating.urdf').write_text(text)
+    assert not any(wheel.mounts for wheel in find_drive(parse_urdf(text)).wheels)
+    robot = Mbot(description=path)
+    robot.drive(0.3)
+    robot.run(2.0)
+    assert robot.truth.position[0] > 0.3

@@ -37,6 +37,8 @@ from robot_description.robot import Joint, Robot
 OFF_AXLE = 0.002
 # More joints than these are not listed.
 MOST_LISTED = 8
+# By such a joint a robot hangs on a world that lets it go.
+LOOSE = ('floating', 'planar')
 
 
 class WheelChoice(NamedTuple):
@@ -200,7 +202,7 @@ def _wheel(
         return f'has its axis {math.degrees(tilt):.3g} degrees off y ({limit:g} are taken)'
     if joint.mimics:
         return f'mimics {joint.mimics!r}, a driven wheel has a motor of its own'
-    above = joints_above(robot, joint)
+    above = tuple(each for each in joints_above(robot, joint) if each.kind not in LOOSE)
     # A waist, with all that the robot rolls on below it, is held as what it carries is.
     mounts = [each for each in above if robot.is_fixed or not carries_all(each, rollers)]
     swivel = next((each for each in mounts if is_upright(robot, each)), None)
