@@ -27,8 +27,9 @@ class Player:
         self.policy, self.spec = policy, policy.spec
         self.joints, self.ranges = policy.spec.joints, policy.spec.ranges
         self._observer = Observer(policy.spec)
-        # Tells the height scan of now, (187,) [m], to a network that is shown one.
+        # Tells the height scan of now, (187,) [m], to a network that sees one.
         self.heights: Callable[[], np.ndarray | None] = lambda: None
+        self.has_height_scan = policy.spec.has_height_scan
         spec = policy.spec
         self.default = np.array(spec.default_position)
         self._scale, self._offset = np.array(spec.action_scale), np.array(spec.action_offset)
@@ -58,8 +59,8 @@ class Player:
         # After a step that came a whole period late, the time counts from now.
         late = self._wait if self._wait > -self.spec.period else 0.0
         self._wait = late + self.spec.period
-        heights = self.heights() if self.spec.has_height_scan else None
-        if self.spec.has_height_scan and heights is None:
+        heights = self.heights() if self.has_height_scan else None
+        if self.has_height_scan and heights is None:
             self.failure = 'there are no heights of the ground around the robot'
             return self._targets
         self.observation = self._observer.step(senses, command, self.action, heights)

@@ -4,6 +4,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 # Of Isaac Lab's and mjlab's rough terrains: 1.6 x 1.0 m about the base, 0.1 m apart.
 LENGTH, WIDTH, APART = 1.6, 1.0, 0.1
@@ -41,3 +42,16 @@ def height_scan(
     """
     x, y = scan_places(position, yaw).T
     return np.asarray(position[2] - heights(x, y) - offset)
+
+
+def known_scan(
+    heights: Heights, position: np.ndarray, orientation: np.ndarray, height: float
+) -> np.ndarray:
+    """
+    Return the height scan (187,) [m] of a base at a position (3,) and orientation (w, x, y, z).
+
+    Where `heights` know nothing the ground is taken as level, `height` [m] below the base.
+    """
+    yaw = float(rpy_from_matrix(matrix_from_quaternion(orientation))[2])
+    seen = height_scan(heights, position, yaw)
+    return np.where(np.isnan(seen), height - OFFSET, seen)

@@ -167,7 +167,7 @@ class LegControllerNode(Node):
             self.set_parameters(changed)
 
     def _wants_map(self) -> bool:
-        return self.heights.is_wanted or self.legs.controller.eyes
+        return self.heights.is_wanted or self.legs.wants_map
 
     def _on_map(self, elevation: Elevation, stamp: Time) -> None:
         self.legs.see(elevation)

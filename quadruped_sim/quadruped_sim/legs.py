@@ -3,7 +3,9 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, cast
 
+import numpy as np
 from robot_description.description import Description
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, BaseState, JointCommand, Reading
@@ -12,6 +14,7 @@ from wasd_core.timing import NO_PRESS, Notice
 
 from quadruped_sim.compilation import compile_once, warm_up
 from quadruped_sim.elevation import Elevation
+from quadruped_sim.height_scan import known_scan
 from quadruped_sim.keys import StateName, StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
@@ -49,6 +52,9 @@ class Legs:
         # Before anything else calls a compiled function; loading is no part of the first tick.
         self.model = compile_once(lambda: _warm_model(description), inform, stop_requested)
         self._walker = walker
+        self._walks_by_heights = getattr(walker, 'has_height_scan', False)
+        if self._walks_by_heights:
+            cast(Any, walker).heights = self._heights_around
         self._terrain: Elevation | None = None
         self.notice = Notice()
         self.answers = True  # keys, in words: not where nobody pressed those that come
@@ -71,6 +77,19 @@ class Legs:
             self.settings = settings
             self.controller.tune(settings)
             self.controller.eyes = settings.eyes
+
+    @property
+    def wants_map(self) -> bool:
+        """Whether the legs, or the network that walks, use a map now."""
+        return self.controller.eyes or self._walks_by_heights
+
+    def _heights_around(self) -> np.ndarray | None:
+        """Return the height scan of now; None before there is a map or a pose."""
+        robot, odometry = self.controller.robot, self.controller.odometry
+        if self._terrain is None or robot is None or odometry is None:
+            return None
+        height = robot.height(self.model.geometry.foot_radius)
+        return known_scan(self._terrain.at, odometry.position, odometry.orientation, height)
 
     def see(self, terrain: Elevation | None) -> None:
         """Take the map, in odometry's frame, that they walk by with their eyes open."""

@@ -17,7 +17,7 @@ from quadruped_sim.keys import STATE_KEYS, StateName
 from quadruped_sim.states.policy import Walker
 from wasd_bringup.robots import G1 as G1_ROW
 from wasd_bringup.robots import GO2, MBOT
-from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.options import MAPPED_SCAN, RunOptions
 from wasd_bringup.run.robot import Velocity
 from wasd_bringup.run.worlds import build_robots
 from wasd_core.errors import UserError
@@ -192,8 +192,9 @@ class Go2(Robot):
     and legs) or `truth`; `limits` is `sport`, `guide` or `race`, what full stick means; `gait`
     is the order in which the feet step. With `eyes` it walks by what its lidar sees, as after the
     key e. `policy` is the file of a network, or any `Walker`, that walks in the state policy
-    (2, then p), `policy_config` what says how it was trained. The controller is not told of
-    `untold`: friction, payload, how much the robot differs at random.
+    (2, then p), `policy_config` what says how it was trained, `height_scan` whose heights it sees,
+    `map` or `truth`, if it was trained with them. The controller is not told of `untold`:
+    friction, payload, how much the robot differs at random.
 
     Raises:
         UserError: what is wrong with the description, the world or an option, in one line.
@@ -213,6 +214,7 @@ class Go2(Robot):
         eyes: bool = False,
         policy: str | os.PathLike[str] | Walker | None = None,
         policy_config: str | os.PathLike[str] | None = None,
+        height_scan: str = MAPPED_SCAN,
         untold: Untold = NOTHING,
     ) -> None:
         super().__init__(
@@ -230,6 +232,7 @@ class Go2(Robot):
                 eyes=eyes,
                 policy=os.fspath(policy) if isinstance(policy, (str, os.PathLike)) else policy,
                 policy_config=None if policy_config is None else os.fspath(policy_config),
+                height_scan=height_scan,
                 untold=untold,
                 speed=0.0,
             )

@@ -28,7 +28,7 @@ from wasd_core.safe_files import read_file
 
 from wasd_bringup.robots import BOTH, LEGS, LEGS_ALONE, MODES, POLICY, RobotRow, ROBOTS, WHEELS
 from wasd_bringup.run.inputs import parse_box, parse_goal, parse_push, parse_twist_script
-from wasd_bringup.run.options import AFTERGLOW, RANGES, RunOptions
+from wasd_bringup.run.options import AFTERGLOW, RANGES, RunOptions, SCANS
 
 # A seed is a parameter, too, of 64 bits.
 MOST_SEED = 2**63 - 1
@@ -515,6 +515,12 @@ OPTIONS = (
         'legged_gym or playground (default: its metadata, or such a file beside it)',
         of=POLICY,
         how={'metavar': 'FILE'},
+    ),
+    Option(
+        word='--height-scan',
+        help='show a network the heights that the robot has mapped, or the true ones',
+        of=LEGS_ALONE,
+        how={'choices': SCANS},
     ),
     Option(
         word='--mode',

@@ -2,13 +2,16 @@
 """A quadruped of a run: keys as states and sticks, or as velocities where a preset asks."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Protocol
 
+from mujoco_sim.sensors.heights import true_heights
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 import numpy as np
 from quadruped_sim.controller_file import read_leg_file
+from quadruped_sim.height_scan import known_scan
 from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
 from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.legs import Legs, load_policy
@@ -25,7 +28,7 @@ from wasd_core.timing import is_press, STOP_KEY
 from wasd_bringup.robots import unitree_first_keys, unitree_help, UNITREE_PRESET
 from wasd_bringup.run.elevation import RobotElevation
 from wasd_bringup.run.inputs import RESET_KEY
-from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.options import RunOptions, TRUE_SCAN
 from wasd_bringup.run.report import Sample, TrunkWatch
 from wasd_bringup.run.robot import Robot, StateChoice, Velocity
 from wasd_bringup.run.walkers import load_walker
@@ -42,9 +45,11 @@ class Outside(Protocol):
 
 
 LIDAR_NEEDED = (
-    '--eyes: {robot} has no lidar of points: give its description a '
+    '{option}: {robot} has no lidar of points: give its description a '
     '<gazebo reference="LINK"><sensor type="ray"> with vertical samples'
 )
+# How far below the base the ground of a pit is told to be, which has none [m].
+PIT = 2.0
 # States in which the robot is being driven.
 DRIVEN = (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY)
 # The key that has the policy walk, and the one that lets go of the legs.
@@ -79,11 +84,22 @@ class Go2(Robot):
         self._trunk = TrunkWatch()
         self.outside: Outside | None = None
         self.elevation = RobotElevation(self)
-        self.elevation.wanted_by.append(lambda: self.legs.controller.eyes)
         mapper = self.elevation.mapper
         if options.eyes and mapper is None:
-            raise UserError(LIDAR_NEEDED.format(robot=loaded.robot.name))
+            raise UserError(LIDAR_NEEDED.format(option='--eyes', robot=loaded.robot.name))
+        if getattr(walker, 'has_height_scan', False):
+            self._show_heights(walker)
+        self.elevation.wanted_by.append(lambda: self.legs.wants_map)
         self.legs.see(None if mapper is None else mapper.elevation)
+
+    def _show_heights(self, player: Any) -> None:
+        """Show a network the heights around the robot: those that it has mapped, or the true."""
+        if self.options.height_scan == TRUE_SCAN:
+            player.heights = partial(_true_scan, self.world)
+        elif self.elevation.mapper is None:
+            name = self.description.robot.name
+            said = LIDAR_NEEDED.format(option='--policy', robot=name)
+            raise UserError(f'{said}; or give --height-scan truth')
 
     def prepare(self) -> None:
         """Settle what follows from the settings, before anything is scheduled."""
@@ -335,6 +351,12 @@ def leg_settings(given: dict[str, Any]) -> LegNodeParameters:
         InvalidParameter: what is wrong with one, with its line where a file has it.
     """
     return read_leg_file(given.get('controller', '')).changed(given)
+
+
+def _true_scan(world: World) -> np.ndarray:
+    base = world.base()
+    heights = partial(true_heights, world)
+    return known_scan(heights, base.position, base.orientation, PIT)
 
 
 def _feet(legs: LegGeometry) -> np.ndarray:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 NAMESPACED = (('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static'))
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')
+# Values of --height-scan.
+MAPPED_SCAN, TRUE_SCAN = SCANS = 'map', 'truth'
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
 
@@ -68,6 +70,7 @@ class RunOptions:
     controller: Path | None = None
     policy: Any = None  # the file of a network that walks, or a `Walker`
     policy_config: str | None = None  # what says how it was trained
+    height_scan: str = MAPPED_SCAN  # whose heights a network sees that was trained with them
     gamepad: str | None = None  # None: no pad; '': the first that comes
     foxglove: int | None = None  # the port
     interface: str | None = None  # beside our own: 'unitree'
