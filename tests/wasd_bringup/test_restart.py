@@ -58,7 +58,7 @@ def test_a_port_that_was_taken_in_between_is_not_insisted_on(monkeypatch, capsys
         assert page_port(port) == port  # a user asked for it, and is told
         monkeypatch.setenv('WASD_ANEW', '1')
         assert page_port(port) == 0
-        assert f'port {port} was taken in between' in capsys.readouterr().out
+        assert f'port {port} is taken now' in capsys.readouterr().out
     assert page_port(port) == port
 
 
@@ -99,8 +99,8 @@ def test_a_file_of_the_users_that_is_the_world_is_offered_too():
         ({'report': OutputFile(Path('a.json'), '--report')}, 'files of this run'),
         ({'save_keys': OutputFile(Path('a.txt'), '--save-keys')}, 'files of this run'),
         ({'save_map': 'house'}, 'files of this run'),
-        ({'map': 'house.yaml'}, 'are of this world'),
-        ({'goals': ((1.0, 2.0, 0.0),), 'map': ''}, 'are of this world'),
+        ({'map': 'house.yaml'}, 'belong to this world'),
+        ({'goals': ((1.0, 2.0, 0.0),), 'map': ''}, 'belong to this world'),
         ({'keys': ()}, 'a script drives'),
         ({'twists': ()}, 'a script drives'),
     ],
