@@ -31,15 +31,14 @@ AZIMUTH, ELEVATION = 130.0, -20.0
 
 class Robot:
     """
-    What all robots have: a world that is stepped, pressed keys, a commanded velocity.
+    The common part of all robots: a world, pressed keys, a commanded velocity.
 
-    Everything happens inside `run`: between two calls simulated time stands still. The same seed
-    and the same calls give the same bits. A velocity holds until the next, since who commands it
-    is known to be alive: it is this process that steps the robot. One thread at a time may use it;
-    a call from another meanwhile is refused.
+    Simulated time passes only inside `run`. The same seed and the same calls give the same bits. A
+    velocity holds until the next, without a time-out: the process that commands it also steps the
+    robot. Only one thread may use it at a time; a call from another thread is refused.
 
     Raises:
-        UserError: the seed is no whole number from 0 on.
+        UserError: the seed is not a whole number >= 0.
     """
 
     def __init__(self, options: RunOptions) -> None:
@@ -69,12 +68,12 @@ class Robot:
 
     @property
     def truth(self) -> BaseState:
-        """Where the base really is: position [m], quaternion w x y z, velocities."""
+        """The true state of the base: position [m], quaternion w x y z, velocities."""
         return self._world.base()
 
     def run(self, seconds: float) -> None:
         """
-        Simulate for so long [s], as fast as it goes; with a window, at its pace.
+        Simulate a time [s], as fast as possible; with a window, in real time.
 
         Raises:
             UserError: the time is negative or not finite.
@@ -116,10 +115,10 @@ class Robot:
 
     def picture(self, path: str | os.PathLike[str]) -> None:
         """
-        Write what the robot looks like now as a picture of 1280 x 720, a PNG by its name.
+        Write a picture of the present scene, 1280 x 720, for instance a PNG.
 
         Raises:
-            UserError: it cannot be written there, or its name ends as none of a picture.
+            UserError: the file cannot be written, or has no ending of a picture.
         """
         with self._alone('picture'):
             view = Viewpoint(self.truth.position.tolist(), self._distance, AZIMUTH, ELEVATION)
@@ -189,15 +188,15 @@ class Go2(Robot):
     A Unitree Go2, or any quadruped, with its leg controller: keys 2 stand, 4 trot, 5 move base.
 
     `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
-    and legs) or `truth`; `limits` is `sport`, `guide` or `race`, what full stick means; `gait`
-    is the order in which the feet step. With `eyes` it walks by what its lidar sees, as after the
-    key e. `policy` is the file of a network, or any `Walker`, that walks in the state policy
-    (2, then p), `policy_config` what says how it was trained, `height_scan` whose heights it sees,
-    `map` or `truth`, if it was trained with them. The controller is not told of `untold`:
-    friction, payload, how much the robot differs at random.
+    and legs) or `truth`; `limits` (`sport`, `guide` or `race`) sets the speeds at full stick;
+    `gait` is the first gait. With `eyes` it walks by sight, with heights from its lidar, as after
+    the key e. `policy` is a network's file, or any `Walker`, for the state policy (2, then p);
+    `policy_config` has its training settings, `height_scan` the source of its heights, `map` or
+    `truth`, if it was trained with them. `untold` has values that the controller does not know:
+    friction, payload, random differences of the robot.
 
     Raises:
-        UserError: what is wrong with the description, the world or an option, in one line.
+        UserError: the description, the world or an option is wrong; one line says how.
     """
 
     def __init__(
@@ -246,7 +245,7 @@ class Go2(Robot):
 
     @property
     def odometry(self) -> BaseOdometry:
-        """Where the robot believes it is: pose, velocities and their covariances."""
+        """The robot's odometry: pose, velocities and their covariances."""
         odometry: BaseOdometry | None = self._robot.odometry
         if odometry is None:
             raise UserError('odometry: there is none before the first run')
@@ -254,7 +253,7 @@ class Go2(Robot):
 
     @property
     def full_stick(self) -> tuple[float, float, float]:
-        """The fastest it walks ahead and sideways [m/s] and turns [rad/s]; more is clamped."""
+        """The highest speeds ahead and sideways [m/s] and of turning [rad/s]; more is clamped."""
         limits = self._robot.legs.controller.command_filter.limits
         return limits.forward, limits.lateral, limits.yaw
 
@@ -305,10 +304,10 @@ class G1(Robot):
     A Unitree G1, or a biped that a network walks, on a hoist: keys 1 passive, 2 stand, p, h hoist.
 
     `drive` commands a velocity in the state policy (2, then p). `policy` is the file of a network,
-    `policy_config` what says how it was trained; without one it stands.
+    `policy_config` has its training settings; without a network it stands.
 
     Raises:
-        UserError: what is wrong with the description, the world or an option, in one line.
+        UserError: the description, the world or an option is wrong; one line says how.
     """
 
     def __init__(
@@ -345,7 +344,7 @@ class G1(Robot):
 
     @property
     def is_held(self) -> bool:
-        """Whether the hoist bears it."""
+        """Whether the hoist holds it."""
         is_on: bool = self._robot.hoist.is_on
         return is_on
 
@@ -393,7 +392,7 @@ class Mbot(Robot):
     YAML file with the drive's parameters.
 
     Raises:
-        UserError: what is wrong with the description, the world or an option, in one line.
+        UserError: the description, the world or an option is wrong; one line says how.
     """
 
     def __init__(
@@ -432,7 +431,7 @@ class Mbot(Robot):
 
     @property
     def odometry(self) -> Any:
-        """Where the wheels say it is: x, y [m], yaw [rad], and the velocities."""
+        """Odometry of the wheels: x, y [m], yaw [rad], and the velocities."""
         return self._robot.drive_unit.controller.odometry_state
 
     def press(self, key: str) -> None:

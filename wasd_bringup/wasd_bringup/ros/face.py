@@ -255,7 +255,7 @@ def make_ros_run(
     Return a run with its nodes in this process; rclpy must be initialised.
 
     Raises:
-        UserError: what is wrong with what was asked for, in one line.
+        UserError: an option is wrong; the text says how, in one line.
     """
     log = logging.getLogger('wasd')
     if not any(isinstance(handler, _ToRos) for handler in log.handlers):

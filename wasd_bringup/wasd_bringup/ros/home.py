@@ -37,7 +37,7 @@ class RosHome:
         Return the run.
 
         Raises:
-            UserError: what is wrong with what was asked for, in one line.
+            UserError: an option is wrong; the text says how, in one line.
         """
         init_ros(with_own_frames(self._ros_arguments), is_local=True)
         if options.record is not None:

@@ -46,7 +46,7 @@ class PadDriver:
 
     @property
     def first_line(self) -> str:
-        """What a driver must know to begin."""
+        """The first line for the user."""
         gamepad = self.node.gamepad
         awaits = '' if gamepad.is_there else f' ({gamepad.problem or "none is there yet"})'
         return f'gamepad{awaits}: {PAD_HELP[self._robots[self._driven].pad_preset]}'

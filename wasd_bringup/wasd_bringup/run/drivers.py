@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who drives a robot, since when, and by which right."""
+"""Which source drives a robot, since when, and by which right."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -32,19 +32,19 @@ Velocity = tuple[float, float, float]
 
 
 def right_of(source: str) -> str:
-    """Return by which right a source drives; `foxglove 3` is one of the kind `foxglove`."""
+    """Return the right of a source; `foxglove 3` is of the kind `foxglove`."""
     return RIGHTS.get(source.partition(' ')[0], USUAL_RIGHT)
 
 
 class Take(NamedTuple):
-    """Who takes the robot, and by what: `a key`, `a velocity`."""
+    """A source that takes the robot, and its means: `a key`, `a velocity`."""
 
     source: str
     what: str
 
 
 class Held(NamedTuple):
-    """What a source moved as it let go: by keys, by a velocity."""
+    """What a released source was moving: by keys, by a velocity."""
 
     keys: bool
     velocity: bool
@@ -67,7 +67,7 @@ class DriverState(NamedTuple):
 
 @dataclass
 class _Hold:
-    """What one source holds, and what of it does not count until it was let go."""
+    """What one source holds, and which part is ignored until its release."""
 
     down: set[str] = field(default_factory=set)
     is_latched: bool = False
@@ -79,27 +79,26 @@ class _Hold:
 
     @property
     def held(self) -> Held:
-        """What moves the robot now: a key that is down or latched, a velocity."""
+        """What moves the robot now: a pressed or latched key, a velocity."""
         return Held(bool(self.down) or self.is_latched, self.is_driving)
 
     def let_go(self) -> None:
-        """Hold nothing."""
+        """Release everything."""
         self.down.clear()
         self.is_latched = self.is_driving = False
 
 
 class Drivers:
     """
-    All who may drive one robot: keys, page, gamepad, script, topic, navigator, programs.
+    The sources of one robot: keys, page, gamepad, script, topic, navigator, programs.
 
-    `take` asks whether a key or a velocity of a source counts, `release` says that a source holds
-    nothing any more, `stop` ends what all sources move, `disarm` lets none of them count until it
-    was released and pressed again. The last that took it drives. It reads no clock and moves
-    nothing: who calls it does what it answers.
+    `take` asks whether a key or a velocity of a source counts, `release` releases a source, `stop`
+    stops the motion of all sources, `disarm` ignores what they hold until it is released and
+    pressed again. The latest source to take the robot drives. This class reads no clock and moves
+    nothing: its callers act on its answers.
 
-    `stops(key)` is whether a press ends every motion of keys, `latches(key)` whether what a press
-    sets moving goes on when the key is let go. With `holds_stops` a stop lasts until E_STOP is
-    released.
+    `stops(key)` is whether a press ends every motion by keys, `latches(key)` whether the motion
+    continues after the key's release. With `holds_stops` a stop lasts until the release of E_STOP.
     """
 
     def __init__(
@@ -121,7 +120,7 @@ class Drivers:
 
     @property
     def state(self) -> DriverState:
-        """Who drives now."""
+        """Who drives now, and who asks."""
         if self.stopped_by:
             stop = right_of(E_STOP)
             return DriverState(E_STOP, self._since, stop, self._asking(), self.stopped_by)
@@ -133,7 +132,7 @@ class Drivers:
         return DriverState(self._driver, self._since, right, self._asking(), guard=self.guard())
 
     def moves(self, source: str) -> bool:
-        """Whether a source moves the robot by a key that is down or latched, or by a velocity."""
+        """Whether a source moves the robot by a pressed or latched key, or by a velocity."""
         return any(self._holds.get(source, _Hold()).held)
 
     def take(
@@ -159,14 +158,14 @@ class Drivers:
         return True
 
     def release(self, source: str) -> Held:
-        """Note that a source holds nothing any more; return what it moved until now."""
+        """Release a source; return what it moved until now."""
         if source == E_STOP:
             self.stopped_by = ''
             self.disarm()  # what was pressed meanwhile does not count either
         return self._holds.pop(source, _Hold()).held
 
     def stop(self, by: str) -> None:
-        """Note that a source has stopped the robot for good; latched, it holds until released."""
+        """Stop the robot for a source; a latched stop holds until its release."""
         self.disarm()
         if self._holds_stops and not self.stopped_by:
             self.stopped_by, self._since = by, self.time
@@ -186,12 +185,12 @@ class Drivers:
         return Held(any(each.keys for each in held), any(each.velocity for each in held))
 
     def reset(self) -> None:
-        """Note that the robot stands; what does not count goes on not counting."""
+        """Note that the robot stands; ignored keys and velocities stay ignored."""
         for hold in self._holds.values():
             hold.let_go()
 
     def step(self, dt: float) -> None:
-        """Let `dt` [s] pass: what is not repeated any more was let go."""
+        """Let `dt` [s] pass: release what is no longer repeated."""
         for hold in self._holds.values():
             hold.asked += dt
             if hold.asked > SILENCE:
@@ -232,7 +231,7 @@ class Drivers:
         return True
 
     def _asking(self) -> tuple[str, ...]:
-        """Return the sources that have asked lately and do not drive."""
+        """Return the sources that asked recently and do not drive."""
         driver = '' if self.stopped_by else self._driver
         return tuple(
             name
@@ -242,20 +241,20 @@ class Drivers:
 
 
 class Driver(Protocol):
-    """What drives a robot of a run by itself; it is asked by a Run that it has joined."""
+    """A driver of a robot; a Run calls it after `join`."""
 
     @property
     def first_line(self) -> str:
-        """What a driver must know to begin."""
+        """The first line for the user."""
 
     def look(self) -> None:
-        """Take what has come; called often, on wall time."""
+        """Read new input; called often, on wall time."""
 
     def repeat(self) -> None:
-        """Say again what is in force; called at TWIST_RATE of simulated time."""
+        """Command the present velocity again; called at TWIST_RATE of simulated time."""
 
     def disarm(self) -> None:
-        """Let nothing that is held now count."""
+        """Ignore what is held now."""
 
     def close(self) -> None:
         """End."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A quadruped of a run: keys as states and sticks, or as velocities where a preset asks."""
+"""A quadruped of a run: keys are states and sticks, or velocities with a preset."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -35,13 +35,13 @@ from wasd_bringup.run.walkers import load_walker
 
 
 class Outside(Protocol):
-    """Something outside our controller that may have the motors."""
+    """A program outside our controller that may command the motors."""
 
     def step(self, dt: float) -> None:
-        """Take what has come before our controller does, `dt` [s] after the step before."""
+        """Read new commands before our controller steps, `dt` [s] after the last step."""
 
     def motors(self) -> JointCommand | None:
-        """Return the motors' command, None where our controller has them."""
+        """Return the command to the motors, None if our controller has them."""
 
 
 LIDAR_NEEDED = (
@@ -102,14 +102,14 @@ class Go2(Robot):
             raise UserError(f'{said}; or give --height-scan truth')
 
     def prepare(self) -> None:
-        """Settle what follows from the settings, before anything is scheduled."""
+        """Apply the settings, before anything is scheduled."""
         super().prepare()
         self.feet = _feet(self.legs.controller.model.geometry)
         self.legs.controller.words = self._key_words()
 
     @property
     def given(self) -> dict[str, Any]:
-        """The controller's parameters that the options give, by their names."""
+        """The controller's parameters from the options, by name."""
         options, world = self.options, self.world
         names = ('description', 'estimator', 'limits', 'gait', 'controller')
         given: dict[str, Any] = {
@@ -132,7 +132,7 @@ class Go2(Robot):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is odd about it, in words."""
+        """Remarks on the robot's oddities."""
         return tuple(self.legs.controller.notes)
 
     @property
@@ -149,7 +149,7 @@ class Go2(Robot):
 
     @property
     def drive_limits(self) -> dict[str, float]:
-        """How fast a navigator may drive it: unitree_guide's speeds, where its legs can."""
+        """A navigator's speed limits: those of unitree_guide, within the legs' limits."""
         able, guide = self.legs.controller.command_filter.limits, LIMITS['guide']
         return {
             'forward': min(guide.forward, able.forward),
@@ -161,7 +161,7 @@ class Go2(Robot):
 
     @property
     def braking(self) -> tuple[float, float, float]:
-        """What it is sure to slow down by: a Go2 of 3 m/s stands after 2.5 m."""
+        """The sure deceleration: a Go2 of 3 m/s stands after 2.5 m."""
         unit = self.legs.model.scale.of('m/s^2')
         return (1.6 * unit, 1.0 * unit, 3.0 * self.legs.model.scale.of('1/s^2'))
 
@@ -198,17 +198,17 @@ class Go2(Robot):
 
     @property
     def stop_key(self) -> str:
-        """The key that ends every motion that keys have set going."""
+        """The key that ends every motion by keys."""
         return ZERO_KEYS[0] if self.logic is None else STOP_KEY
 
     @property
     def stop_keys(self) -> tuple[str, ...]:
-        """The keys that stop it for good, and end every motion."""
+        """The keys that stop it and end every motion."""
         return tuple(dict.fromkeys((on_layout(PASSIVE, self.layout), self.stop_key)))
 
     @property
     def odometry(self) -> BaseOdometry | None:
-        """Where its legs say it is; None before the first reading."""
+        """The odometry of its legs; None before the first reading."""
         return self.legs.odometry
 
     @property
@@ -218,20 +218,20 @@ class Go2(Robot):
         return settings.odom_frame, settings.base_frame or self.legs.base_frame
 
     def stops(self, key: str) -> bool:
-        """Whether a press of this key ends every motion that keys have set going."""
+        """Whether a press of this key ends every motion by keys."""
         is_zero = key in ZERO_KEYS
         return is_zero if self.logic is None else is_zero and super().stops(key)
 
     def latches(self, key: str) -> bool:
-        """Whether what a press of this key sets moving goes on when the key is let go."""
+        """Whether the motion of this key continues after its release."""
         return on_qwerty(key, self.layout).lower() in STICK_KEYS or super().latches(key)
 
     def qwerty(self, key: str) -> str:
-        """Return what the leg controller calls a key: it knows those of qwerty."""
+        """Return the leg controller's name of a key, which is that of qwerty."""
         return key if self.layout == 'qwerty' else on_qwerty(key, self.layout)
 
     def choices(self) -> tuple[StateChoice, ...]:
-        """Return the states that keys ask for."""
+        """Return the states with keys."""
         controller = self.legs.controller
         return tuple(
             StateChoice(key, state.value, state.value == self.state, controller.refusal(key))
@@ -244,7 +244,7 @@ class Go2(Robot):
         self.legs.command(*velocity)
 
     def control(self) -> None:
-        """Step the controller on the state of now, and hand its command to the world."""
+        """Step the controller on the present state, and give its command to the world."""
         world = self.world
         truth = world.base_since_start() if self.estimator == 'truth' else None
         names = world.joint_names, world.motor_names
@@ -256,7 +256,7 @@ class Go2(Robot):
         self.elevation.step()
 
     def stop(self) -> None:
-        """Command standstill, now and in the last word on cmd_vel, until the next key."""
+        """Command standstill, now and in the last message on cmd_vel, until the next key."""
         self.legs.controller.sticks.zero()
         super().stop()
 
@@ -272,7 +272,7 @@ class Go2(Robot):
         self.legs.controller.e_stop()
 
     def sample(self) -> Sample:
-        """Return this instant for the report."""
+        """Return the present sample of the report."""
         controller = self.legs.controller
         odometry = controller.odometry
         pose = (0.0, 0.0, 0.0)
@@ -319,7 +319,7 @@ class Go2(Robot):
         return self.options.preset != UNITREE_PRESET
 
     def let_go(self) -> None:
-        """Be limp at once, as no key is: on a key it squats first."""
+        """Make the legs limp at once; after a key the robot squats first."""
         self.legs.e_stop()
 
     def _press(self, key: str, is_pressed: bool) -> None:
@@ -332,7 +332,7 @@ class Go2(Robot):
             self.notice.say(self._hints.press(key))
 
     def _key_words(self) -> KeyWords:
-        """Return what the legs tell of keys, some of which may be the keymap's."""
+        """Return the legs' words about keys, some of which may belong to the keymap."""
         keys = () if self.logic is None else self.logic.keymap.keys
         return KeyWords(
             drive=StateName.TROTTING if self.logic is None else StateName.MOVE_BASE,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot of a run that walks as a policy says: held by a hoist, it stands, walks, falls."""
+"""A robot of a run that walks by a policy: on a hoist or free, it stands, walks, falls."""
 
 from mujoco_sim.hoist import Hoist
 from mujoco_sim.simulation import Simulation
@@ -29,7 +29,7 @@ PASSIVE = next(key for key, state in STATE_KEYS.items() if state is State.PASSIV
 
 class Legged(Robot):
     """
-    Legs, and arms, whose joints are driven by PD: in a pose, or as a network says.
+    Legs and arms with PD control: of a pose, or of a network's targets.
 
     A hoist bears it from the start on.
 
@@ -65,7 +65,7 @@ class Legged(Robot):
 
     @property
     def estimator(self) -> str:
-        """What its odometry comes from: it has none, only an IMU."""
+        """The source of its odometry: it has none, only an IMU."""
         return 'imu'
 
     @property
@@ -84,7 +84,7 @@ class Legged(Robot):
 
     @property
     def stop_keys(self) -> tuple[str, ...]:
-        """The keys that stop it for good, and end every motion."""
+        """The keys that stop it and end every motion."""
         return (self._named(PASSIVE), STOP_KEY)
 
     @property
@@ -94,7 +94,7 @@ class Legged(Robot):
         return self.controller.refusal('p') or f'press p to walk: it is {self.state}'
 
     def choices(self) -> tuple[StateChoice, ...]:
-        """Return the states that keys ask for, and the hoist."""
+        """Return the states with keys, and the hoist."""
         controller = self.controller
         states = [
             StateChoice(key, state.value, state is controller.state, controller.refusal(key))
@@ -111,7 +111,7 @@ class Legged(Robot):
         self._refused = refused
 
     def control(self) -> None:
-        """Step the controller on the state of now, and hand its command to the world."""
+        """Step the controller on the present state, and give its command to the world."""
         world, motors = self.world, self.world.parts.motor_joint
         joints, imu = world.read()
         reading = Reading(JointStates(*(part[motors] for part in joints)), imu)
@@ -122,7 +122,7 @@ class Legged(Robot):
         self.hoist.step(self.period)
 
     def press_state(self, key: str) -> None:
-        """Take a key that may mean a state, or the hoist."""
+        """Handle a key of a state or of the hoist."""
         name = on_qwerty(key, self.options.layout)
         if not is_press(key) or key in self.own_keys:
             return
@@ -152,7 +152,7 @@ class Legged(Robot):
         super().close()
 
     def sample(self) -> Sample:
-        """Return this instant for the report."""
+        """Return the present sample of the report."""
         vx, vy, wz = self.controller.velocity.tolist()
         return Sample(self.state, (vx, vy, wz), (0.0, 0.0, 0.0), [], self.controller.is_fallen)
 
@@ -179,7 +179,7 @@ class Legged(Robot):
 
 
 def standing_pose(robot: RobotTree) -> dict[str, float]:
-    """Return where joints are at the start [rad]: a G1 stands, another is as near to zero."""
+    """Return the joints at the start [rad]: a G1 stands, others are as near to zero."""
     joints = [joint for joint in robot.movable_joints if not joint.mimics]
     names = [joint.name for joint in joints]
     if is_g1(names):
@@ -189,7 +189,7 @@ def standing_pose(robot: RobotTree) -> dict[str, float]:
 
 def stand_of(loaded: Description, joints: tuple[str, ...], player: Player | None) -> JointTargets:
     """
-    Return how a robot stands, in the order of its joints: a G1, or as its policy begins.
+    Return the stand's joint angles, in the order of its joints: of a G1, or of its policy.
 
     Raises:
         UserError: neither is so; says what the robot is, and what to do with it.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot of a run that drives on two wheels: keys and velocities in, wheel speeds out."""
+"""A robot of a run with two driven wheels: keys and velocities in, wheel speeds out."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -52,7 +52,7 @@ class Mbot(Robot):
         self.notice = Notice()
 
     def prepare(self) -> None:
-        """Settle what follows from the settings, before anything is scheduled."""
+        """Apply the settings, before anything is scheduled."""
         super().prepare()
         unit, world, robot = self.drive_unit, self.world, self.description.robot
         geometry = unit.controller.geometry
@@ -71,7 +71,7 @@ class Mbot(Robot):
 
     @property
     def given(self) -> dict[str, Any]:
-        """The controller's parameters that the options give, by their names."""
+        """The controller's parameters from the options, by name."""
         options, world = self.options, self.world
         given = {'controller': str(options.controller or ''), 'mode': options.drive_mode or ''}
         if world.prefix:
@@ -82,7 +82,7 @@ class Mbot(Robot):
 
     @property
     def mode(self) -> str:
-        """The drive's mode; the usual one by the word that asked for it."""
+        """The drive's mode; the default one under the given word."""
         mode = self.settings.mode
         return (self.options.mode or MODES[0]) if mode == DRIVE_MODES[0] else mode
 
@@ -93,12 +93,12 @@ class Mbot(Robot):
 
     @property
     def estimator(self) -> str:
-        """What its odometry comes from."""
+        """The source of its odometry."""
         return 'wheels'
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is odd about it, in words."""
+        """Remarks on the robot's oddities."""
         return tuple(self.drive_unit.notes)
 
     @property
@@ -113,7 +113,7 @@ class Mbot(Robot):
 
     @property
     def drive_limits(self) -> dict[str, float]:
-        """How fast a navigator may drive it: no faster than the controller will."""
+        """A navigator's speed limits: at most those of the controller."""
         linear = self.settings.linear_limits()
         angular = self.settings.angular_limits(self.geometry.wheel_separation)
         most = {
@@ -127,7 +127,7 @@ class Mbot(Robot):
 
     @property
     def braking(self) -> tuple[float, float, float]:
-        """What it is sure to slow down by: its ramps, where motors are as strong."""
+        """The sure deceleration: its ramps, within the motors' limits."""
         linear = self.settings.linear_limits()
         angular = self.settings.angular_limits(self.geometry.wheel_separation)
         ahead = min(linear.slow_down, linear.slow_down_backward, 1.0)
@@ -135,10 +135,10 @@ class Mbot(Robot):
 
     def hold_back(self, limit: Callable[[Sequence[float]], np.ndarray]) -> None:
         """
-        Have the controller follow only what a guard leaves of a velocity (vx, vy, wz).
+        Limit each velocity (vx, vy, wz) of the controller by a guard.
 
         Raises:
-            UserError: the loops are those of the old firmware.
+            UserError: it uses the loops of the old firmware.
         """
         controller = self.drive_unit.controller
         if not isinstance(controller, DiffDriveController):
@@ -152,7 +152,7 @@ class Mbot(Robot):
 
     @property
     def geometry(self) -> DiffDriveGeometry:
-        """The wheels as the controller believes them to be."""
+        """The controller's geometry of the wheels."""
         return self.drive_unit.controller.geometry
 
     @property
@@ -169,7 +169,7 @@ class Mbot(Robot):
 
     @property
     def odometry(self) -> BaseOdometry:
-        """Where its wheels say it is."""
+        """The odometry of its wheels."""
         return self.drive_unit.odometry
 
     @property
@@ -184,7 +184,7 @@ class Mbot(Robot):
             self.say(f'velocity {linear:g} {lateral:g} {angular:g} is not finite: ignored')
 
     def control(self) -> None:
-        """Step the controller on the state of now, and hand its command to the world."""
+        """Step the controller on the present state, and give its command to the world."""
         if self.drive_unit.is_fake:
             self._drive_fake()
             return
@@ -209,7 +209,7 @@ class Mbot(Robot):
         self.drive_unit.reset()
 
     def sample(self) -> Sample:
-        """Return this instant for the report."""
+        """Return the present sample of the report."""
         controller = self.drive_unit.controller
         pose = controller.odometry_state
         # Without physics there is nothing that presses.
@@ -241,7 +241,7 @@ class Mbot(Robot):
             self.notice.say(self._hints.press(key))
 
     def _drive_fake(self) -> None:
-        """Let the robot of arithmetic drive, and show it in the world."""
+        """Move the robot without physics, and show it in the world."""
         unit = self.drive_unit
         unit.step_fake(self.period)
         x, y, yaw, linear, angular, lateral = unit.fake.pose

@@ -61,7 +61,7 @@ class NavigationDriver:
         listen_to_lidar(robot, tag, self.unit.senses, self._tell_odometry)
 
     def prepare(self) -> None:
-        """Settle what follows from the settings, before anything is scheduled."""
+        """Apply the settings, before anything is scheduled."""
         self.navigator.on_end.append(self._on_end)
 
     @property
@@ -71,7 +71,7 @@ class NavigationDriver:
 
     @property
     def first_line(self) -> str:
-        """What a driver must know to begin."""
+        """The first line for the user."""
         is_known = self._options.map and not self._options.continues
         what = 'in a map' if is_known else 'maps'
         of_several = ' the robot in turn, TAB the one it leaves' * bool(self.robot.world.prefix)

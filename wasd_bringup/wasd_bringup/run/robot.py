@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One robot of a run, without ROS: its part of the world, its controller, who drives it."""
+"""One robot of a run, without ROS: its part of the world, controller and drivers."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -42,7 +42,7 @@ LAST_ZEROS = 3
 
 
 class StateChoice(NamedTuple):
-    """A state that a key asks for: whether the robot is in it, or why it cannot be."""
+    """A state of a key: whether the robot is in it, or why it is not available."""
 
     key: str
     state: str
@@ -52,7 +52,7 @@ class StateChoice(NamedTuple):
 
 class Robot(ABC):
     """
-    A robot that is stepped on simulated time: keys and velocities in, motor commands out.
+    A robot on simulated time: keys and velocities in, motor commands out.
 
     Sources call `press` and `drive`, and `drivers` says whether they count. A run calls
     `begin_instant` first in each instant, then what `schedule_control` and `schedule_sensing` have
@@ -96,32 +96,32 @@ class Robot(ABC):
         self._script: TwistPlayer | None = None
 
     def prepare(self) -> None:
-        """Settle what follows from the settings, before anything is scheduled."""
+        """Apply the settings, before anything is scheduled."""
         self.ticks = TickStatistics(self.period)
 
     @property
     def name(self) -> str:
-        """What the robot is called."""
+        """The robot's name."""
         return self.options.robot
 
     @property
     def pad_preset(self) -> str:
-        """What a gamepad means to it."""
+        """The preset of its gamepad."""
         return self.kind.pad_preset
 
     @property
     def estimator(self) -> str:
-        """What its odometry comes from."""
+        """The source of its odometry."""
         return self.options.estimator
 
     @property
     def given(self) -> dict[str, Any]:
-        """The controller's parameters that the options give, by their names."""
+        """The controller's parameters from the options, by name."""
         return {}
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is odd about it, in words."""
+        """Remarks on the robot's oddities."""
         return ()
 
     @property
@@ -146,7 +146,7 @@ class Robot(ABC):
 
     @property
     def refusal(self) -> str:
-        """Why it follows no velocity now, with what is to be done; '' where it does."""
+        """Why it follows no velocity now, with the cure; '' if it does."""
         stopped_by = self.drivers.stopped_by
         return HOLDS.format(stopped_by) if stopped_by else self._refusal
 
@@ -156,36 +156,36 @@ class Robot(ABC):
 
     @property
     def drive_limits(self) -> dict[str, float]:
-        """How fast a navigator may drive it, by the names of its parameters `limits.*`."""
+        """A navigator's speed limits, by the names of its parameters `limits.*`."""
         return {}
 
     @property
     def braking(self) -> tuple[float, float, float]:
-        """What it is sure to slow down by, ahead, to the side [m/s^2] and in a turn [rad/s^2]."""
+        """The sure deceleration ahead, sideways [m/s^2] and in a turn [rad/s^2]."""
         return (1.0, 1.0, 3.0)
 
     def hold_back(self, limit: Callable[[Sequence[float]], np.ndarray]) -> None:
         """
-        Have the controller follow only what a guard leaves of a velocity (vx, vy, wz).
+        Limit each velocity (vx, vy, wz) of the controller by a guard.
 
         Raises:
-            UserError: this controller cannot be held back.
+            UserError: this controller cannot be limited.
         """
         raise UserError(f'--guard: {self.name} has no controller that a guard can limit')
 
     @property
     def stop_key(self) -> str:
-        """The key that ends every motion that keys have set going."""
+        """The key that ends every motion by keys."""
         return STOP_KEY
 
     @property
     def stop_keys(self) -> tuple[str, ...]:
-        """The keys that stop it for good, and end every motion."""
+        """The keys that stop it and end every motion."""
         return (self.stop_key,)
 
     @property
     def odometry(self) -> BaseOdometry | None:
-        """Where the robot believes to be in this instant; None before it knows."""
+        """The present odometry; None before the first estimate."""
         return None
 
     @property
@@ -195,19 +195,19 @@ class Robot(ABC):
         return f'{prefix}odom', prefix + self.description.robot.root
 
     def stops(self, key: str) -> bool:
-        """Whether a press of this key ends every motion that keys have set going."""
+        """Whether a press of this key ends every motion by keys."""
         return self.logic is not None and self.logic.stops(key)
 
     def latches(self, key: str) -> bool:
-        """Whether what a press of this key sets moving goes on when the key is let go."""
+        """Whether the motion of this key continues after its release."""
         return self.logic is not None and self.logic.latches(key)
 
     def choices(self) -> tuple[StateChoice, ...]:
-        """Return the states that keys ask for; wheels know none."""
+        """Return the states with keys; wheels have none."""
         return ()
 
     def status(self) -> Status:
-        """Return what a driver wants to see."""
+        """Return the status for the user."""
         status = self._status()
         if not self.drivers.stopped_by:
             return status._replace(message=status.message or self.guard_words())
@@ -231,33 +231,33 @@ class Robot(ABC):
         return True
 
     def release(self, by: str) -> bool:
-        """End what a source moves: it is gone, or has let go; return whether it moved anything."""
+        """Release a source and end its motion; return whether it moved anything."""
         held = self.drivers.release(by)
         self._end(held)
         return held.keys or held.velocity
 
     def disarm(self, by: str = '') -> None:
-        """Let nothing that a source, or any, holds now count, and end what it moves."""
+        """Ignore what a source, or any, holds now, and end its motion."""
         self._end(self.drivers.disarm(by))
 
     def e_stop(self, by: str) -> None:
-        """Stop for good, after `disarm`: the controller lets go, and a script ends."""
+        """Stop after `disarm`: the controller releases the motors, and a script ends."""
         self.drivers.stop(by)
         if self._script is not None:
             self._script.end()
         self.let_go()
 
     def let_go(self) -> None:  # noqa: B027  # keys are enough for most
-        """Do what keys cannot do as fast, at an e-stop."""
+        """Stop faster than keys can, at an e-stop."""
 
     def end_e_stop(self) -> None:
-        """End a stop that holds: who wants to drive presses again."""
+        """Release a latched stop: a source must press again to drive."""
         if self.drivers.stopped_by:
             self.drivers.release(E_STOP)
             self.say('E-STOP released: drive again')
 
     def take_topic(self, topic: str, **taken: Any) -> bool:
-        """Return whether what has come on a topic counts; say why it does not."""
+        """Return whether a message on a topic counts; if not, tell the reason."""
         if self.drivers.take('topic', **taken, what=f'somebody on {topic}'):
             return True
         self.say(REFUSED.format(topic))
@@ -272,7 +272,7 @@ class Robot(ABC):
         self._is_mute = is_mute
 
     def stop(self) -> None:
-        """Command standstill, now and in the last word on cmd_vel, until the next key."""
+        """Command standstill, now and in the last message on cmd_vel, until the next key."""
         if self.logic is not None:
             self.logic.stop()
             for _ in range(LAST_ZEROS):
@@ -288,7 +288,7 @@ class Robot(ABC):
             self.logic.reset()
 
     def begin_instant(self) -> None:
-        """Put the pushes in force that are due."""
+        """Apply the pushes that are due."""
         self.drivers.time = self.world.time
         for push in self._pushes.due(self.world.time):
             self.world.push(push.force, push.duration, push.point)
@@ -313,7 +313,7 @@ class Robot(ABC):
         schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.sample()))
 
     def report(self, wall_time: float, **parts: Any) -> dict[str, Any]:
-        """Return what happened in the `wall_time` [s] so far, and `parts` that others tell."""
+        """Return the report for the `wall_time` [s] so far, with `parts` of others."""
         options = self.options
         asked: dict[str, Any] = {
             'robot': options.robot,
@@ -340,22 +340,22 @@ class Robot(ABC):
 
     @abstractmethod
     def control(self) -> None:
-        """Step the controller on the state of now, and hand its command to the world."""
+        """Step the controller on the present state, and give its command to the world."""
 
     @abstractmethod
     def sample(self) -> Sample:
-        """Return this instant for the report."""
+        """Return the present sample of the report."""
 
     @abstractmethod
     def _status(self) -> Status:
-        """Return what a driver wants to see while no e-stop holds."""
+        """Return the status for the user while no e-stop holds."""
 
     @property
     def _keys_are_velocities(self) -> bool:
         return True
 
     def _press(self, key: str, is_pressed: bool) -> None:
-        """Take a key; one that nobody has pressed, as of a page that is lost, is not answered."""
+        """Handle a key; one that nobody pressed, as for a lost page, gets no answer."""
         if self.logic is not None:
             self.logic.press(key)
 
@@ -378,7 +378,7 @@ class Robot(ABC):
             tell(told)
 
     def _say_that_it_holds(self) -> None:
-        """Tell a driver why a source does not count, if a stop holds."""
+        """Tell the user why a source is ignored, if a stop holds."""
         if self.drivers.stopped_by:
             self.say(HOLDS.format(self.drivers.stopped_by))
 

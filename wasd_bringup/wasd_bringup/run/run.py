@@ -63,7 +63,7 @@ class Listeners:
 
 class Run:
     """
-    One robot or several, who drives them, and the loop that steps them.
+    One or several robots, their drivers, and the loop that steps them.
 
     `run` returns when the duration is over or when `stop` says so; `close` leaves the robots
     stopped and the report written, in any case.
@@ -82,7 +82,7 @@ class Run:
         `make_face` shows the run to other processes: it may set parameters, and `join` drivers.
 
         Raises:
-            UserError: what is wrong with what was asked for, in one line.
+            UserError: an option is wrong; the text says how, in one line.
         """
         self.options = options
         self._reader = reader
@@ -114,10 +114,10 @@ class Run:
 
     def _make_guards(self) -> 'list[RobotGuard]':
         """
-        Return a guard of each robot, where that was asked for.
+        Return a guard of each robot, if the options ask for it.
 
         Raises:
-            UserError: one has no lidar, or cannot be held back.
+            UserError: a robot has no lidar, or its controller cannot be limited.
         """
         if not self.options.guard:
             return []
@@ -128,10 +128,10 @@ class Run:
 
     def _make_navigations(self) -> 'list[NavigationDriver]':
         """
-        Return a navigator of each robot, where a map was asked for.
+        Return a navigator of each robot, if the options ask for a map.
 
         Raises:
-            UserError: one has no lidar, or the map cannot be read.
+            UserError: a robot has no lidar, or the map cannot be read.
         """
         if not self.options.navigates:
             return []
@@ -186,7 +186,7 @@ class Run:
 
     @property
     def first_lines(self) -> list[str]:
-        """What a driver must know to begin: few lines, which leave room for what comes."""
+        """The first lines for the user, few enough for a small window."""
         has_others = len(self.robots) > 1
         keys = [f'{r.name}: ' * has_others + r.first_keys for r in self.robots]
         drivers = dict.fromkeys(driver.first_line for driver in self._drivers)
@@ -201,11 +201,11 @@ class Run:
         return [f'viewer: {self._where}'] if self._where else []
 
     def take_view(self, view: View, where: str) -> None:
-        """Be shown by a viewer, and say where it is; it is closed with the run."""
+        """Let a viewer show the run, and print its address; the run closes it."""
         self._view, self._where = view, where
 
     def run(self, stop: Any) -> None:
-        """Simulate until the duration is over, the keys have ended, or `stop` is requested."""
+        """Simulate until the duration is over, the keys end, or `stop` is called."""
         started = time.monotonic()
         try:
             self.simulation.run(
@@ -219,14 +219,14 @@ class Run:
             self._wall_time += time.monotonic() - started
 
     def stop(self) -> None:
-        """Stop every robot, and say so now: there may be no next instant."""
+        """Stop every robot, and publish that now: there may be no next time step."""
         self.disarm()
         for robot in self.robots:
             robot.stop()
         self.face.flush()
 
     def disarm(self) -> None:
-        """Let nothing that any source holds now count, until it is released and pressed again."""
+        """Ignore what any source holds now, until it is released and pressed again."""
         for robot in self.robots:
             robot.disarm()
         for let_go in self.listeners.of_disarm:
@@ -235,7 +235,7 @@ class Run:
             driver.disarm()
 
     def e_stop(self, by: str) -> None:
-        """Stop every robot for good, for a source; with `--latched` until it is released."""
+        """Stop every robot for a source; with `--latched` until the release."""
         self.disarm()
         for tell in self.listeners.of_e_stop:
             tell()
@@ -244,18 +244,18 @@ class Run:
             self.press_for(number, robot.stop_keys, E_STOP)
 
     def end_e_stop(self) -> None:
-        """End a stop that holds."""
+        """Release a latched stop."""
         for robot in self.robots:
             robot.end_e_stop()
 
     def join(self, driver: Driver) -> None:
-        """Let one more drive: it is asked as those of the options are, and closed at the end."""
+        """Add a driver; the run calls it like the others, and closes it at the end."""
         self._drivers.append(driver)
         if self._is_scheduled:
             self.simulation.schedule.every(1.0 / TWIST_RATE, driver.repeat)
 
     def resume(self) -> None:
-        """Go on after a suspension: it was no time that anything took."""
+        """Continue after a suspension, which does not count as elapsed time."""
         self.simulation.pacer.restart()
         self._next_frame = 0.0
         self._message_times = MessageTimes()
@@ -272,10 +272,10 @@ class Run:
 
     def close(self) -> None:
         """
-        Stop the robots, write the report, release everything; what fails hinders nothing else.
+        Stop the robots, write the report, release everything, also after an error.
 
         Raises:
-            UserError: what could not be written, a line each.
+            UserError: a file was not written; one line each.
         """
         attempt_all(
             *(driver.close for driver in self._drivers),
@@ -298,7 +298,7 @@ class Run:
         self.face.close()
 
     def _schedule(self) -> None:
-        """Fix the order of one instant: time, scripts, controllers, publishers, report."""
+        """Set the order in a time step: time, scripts, controllers, publishers, report."""
         schedule = self.simulation.schedule
         options = self.options
         self._key_player = Player(options.keys or ())
@@ -329,7 +329,7 @@ class Run:
             self.press(press.key, 'script')
 
     def _look_who_drives(self) -> None:
-        """Let who is silent let go, and tell who drives."""
+        """Release silent sources, and publish who drives."""
         # A hand is no faster because time is.
         passed = 1.0 / (TWIST_RATE * max(self.options.speed, 1.0))
         for robot in self.robots:
@@ -337,7 +337,7 @@ class Run:
         self.face.look_who_drives()
 
     def _repeat(self, command: Command) -> None:
-        """Do what a recording says was done."""
+        """Repeat the events of a recording."""
         if command.event == 'reset':
             self.simulation.reset()
         elif command.event == 'e-stop':
@@ -353,7 +353,7 @@ class Run:
                 robot.drive(command.velocity, 'recording')
 
     def press(self, key: str, by: str = 'keys') -> None:
-        """Give a key of a source to the robot that it is for."""
+        """Give a source's key to its robot."""
         for note in self.listeners.of_keys:
             note(key)
         if self._writer is not None:
@@ -368,7 +368,7 @@ class Run:
             self._view.follow(self.world)
 
     def _is_for_the_run(self, key: str, by: str) -> bool:
-        """Do what a key of the run itself asks for; False when it is no such key."""
+        """Handle a key of the run itself; False for any other key."""
         robot = self.robot
         if key in robot.own_keys:
             return False
@@ -391,7 +391,7 @@ class Run:
         return False
 
     def _poll(self, timeout: float) -> None:
-        """Look after everything that lives on wall time: keys, messages, the page, the status."""
+        """Handle everything on wall time: keys, messages, the page, the status."""
         if self._reader is not None and not self._reader.closed:
             with self._reader.undisturbed():
                 for key in self._reader.poll(timeout):
@@ -417,7 +417,7 @@ class Run:
         show_robot(self.robot, self._status, name, now, is_told)
 
     def _look_at_view(self, view: View, now: float) -> None:
-        """Show the state of now, and do what was pressed and ordered there."""
+        """Show the present state, and handle the viewer's keys and orders."""
         if now >= self._next_frame:
             self._next_frame = now + view.period
             view.sync(self.simulation.pacer.is_hurried and not self.simulation.paused)
@@ -430,7 +430,7 @@ class Run:
             look(now, view.period)
 
     def _stop_what_the_view_moved(self) -> None:
-        """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
+        """Stop motion by keys and goals of a lost viewer, with keys as a driver would."""
         for number, robot in enumerate(self.robots):
             if robot.drivers.moves('page'):
                 self.press_for(number, (robot.stop_key,), LOST)
@@ -440,7 +440,7 @@ class Run:
             each.lose_page()
 
     def press_for(self, robot: int, keys: Iterable[str], by: str) -> None:
-        """Give keys to a robot, by its number, whichever is in turn: as a driver would."""
+        """Give keys to a robot, by its number, also if it is not selected."""
         driven = self.switch.active
         self.switch_to(robot)
         for key in keys:
@@ -465,7 +465,7 @@ class Run:
         return self.world.time > self._ended_at + AFTERGLOW
 
     def _let_notices_age(self, now: float) -> None:
-        """Let what is said to the driver grow old on the driver's time: wall time."""
+        """Age the messages to the user, on wall time."""
         for robot in self.robots:
             robot.notice.step(now - self._polled_at)
         self._polled_at = now

@@ -81,7 +81,7 @@ class UnitreeDriver:
 
     @property
     def first_line(self) -> str:
-        """What a driver must know to begin."""
+        """The first line for the user."""
         waits = '; time begins with a program' if self.robot.options.sync else ''
         return f'Unitree SDK: {self._where}{waits}'
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The network that walks, of a run's options."""
+"""Loads the network of a run's options."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from wasd_bringup.run.options import RunOptions
 
 def load_walker(options: RunOptions) -> Any:
     """
-    Return the network, a `Walker`, that walks in the state policy; None where none is asked for.
+    Return the `Walker` of the state policy; None without the option.
 
     Raises:
         UserError: why it cannot be played, in one line.

@@ -20,7 +20,7 @@ def build_robots(options: RunOptions, visuals: bool) -> list[Robot]:
     Load what the options name into one world, each robot with its controller.
 
     Raises:
-        UserError: what is wrong with what was asked for, in one line.
+        UserError: an option is wrong; the text says how, in one line.
     """
     robots: list[Robot] = []
     for part, loaded, world in build_worlds(options, visuals):
@@ -38,7 +38,7 @@ def build_worlds(
     Load what the options name into one world; return each robot's options and part of it.
 
     Raises:
-        UserError: what is wrong with what was asked for, in one line.
+        UserError: an option is wrong; the text says how, in one line.
     """
     parts = options.per_robot()
     loaded = [_load(part) for part in parts]
