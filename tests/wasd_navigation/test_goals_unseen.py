@@ -112,7 +112,7 @@ def test_near_an_obstacle_at_the_goal_the_nearest_place_will_do() -> None:
     drive = Drive(Rooms(inside=(10, 100, 30, 115)), Footprint(radius=0.2), goal)
     assert drive.run() == 'arrived'
     assert 0.0 < drive.off(goal) < 0.3
-    assert 'as near as one may be' in drive.navigator.reason
+    assert 'as near as possible' in drive.navigator.reason
 
 
 @SIZES

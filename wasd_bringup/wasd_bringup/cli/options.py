@@ -341,7 +341,7 @@ OPTIONS = (
     ),
     Option(
         word='--continue',
-        help='go on with the map of --map FILE.yaml: localise in it, then map',
+        help='continue the map of --map FILE.yaml: localise in it, then map',
         field='continues',
         how=FLAG,
     ),
@@ -397,8 +397,8 @@ OPTIONS = (
     ),
     Option(
         word='--lidar',
-        help='honest: each ray at its own time, with noise and gaps (default); ideal: all rays of '
-        'one instant; or a planar lidar that is sold',
+        help='honest: each ray at its own time, with noise and gaps (default); ideal: all rays at '
+        'one time; or the model of a real planar lidar',
         how={'choices': LIDAR_NAMES},
     ),
     Option(
@@ -486,7 +486,7 @@ OPTIONS = (
     ),
     Option(
         word='--eyes',
-        help='walk by sight: lidar, heights, footholds; blind where they are not known (key: e)',
+        help='walk by sight: footholds on heights of the lidar; blind on unknown ground (key: e)',
         of=LEGS,
         how=FLAG,
     ),
@@ -518,7 +518,7 @@ OPTIONS = (
     ),
     Option(
         word='--height-scan',
-        help='show a network the heights that the robot has mapped, or the true ones',
+        help="heights for a network: from the robot's map (default), or the true ones",
         of=LEGS_ALONE,
         how={'choices': SCANS},
     ),
