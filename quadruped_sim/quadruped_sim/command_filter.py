@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes any velocity command one the robot can follow: clamp, ramp, watchdog, no NaN."""
+"""Makes a velocity command feasible: clamp, ramp, watchdog, no NaN."""
 
 from collections.abc import Callable, Sequence
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How high the ground is around a robot: a grid of heights that moves along [Fankhauser2018]."""
+"""An elevation map around a robot: a grid of heights that moves along [Fankhauser2018]."""
 
 import math
 
@@ -60,7 +60,7 @@ class Elevation:
         self._first = first
 
     def age(self, seconds: float) -> None:
-        """Trust what is known less, as odometry has drifted for so long [s]."""
+        """Increase the variances for odometry's drift over a time [s]."""
         self._layers[_VARIANCE] += DRIFT * seconds
 
     def add(self, points: np.ndarray, variance: np.ndarray | float) -> None:
@@ -77,7 +77,7 @@ class Elevation:
         _fuse(points[fine], variances[fine], self._layers, self.resolution, column, row)
 
     def offset_of(self, points: np.ndarray) -> float:
-        """Return by how much points (n, 3) are above what is known, the median [m]; 0 for few."""
+        """Return the median height of points (n, 3) above the map [m]; 0 for few points."""
         off = points[:, 2] - self.at(points[:, 0], points[:, 1])
         off = off[np.abs(off) < FARTHEST_OFF]  # not of NaN
         return float(np.median(off)) if len(off) >= FEWEST else 0.0

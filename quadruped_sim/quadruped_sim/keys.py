@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What keys do: the states that they lead to, the two sticks, and what is said of the others."""
+"""Meaning of keys: states, the two sticks, and the answers to other keys."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -85,7 +85,7 @@ def keys_between(state: StateName, wanted: StateName) -> tuple[str, ...]:
 
 class StateMachine:
     """
-    Present state and the change that is due.
+    The present state and the next change.
 
     A legal key is due for the next tick: `begin_tick` returns the new state once, when the old one
     shall be left and the new one entered. `force` is due at once.
@@ -262,7 +262,7 @@ _USING_STICKS = (StateName.TROTTING, *_EFFECTS)
 @dataclass(frozen=True)
 class KeyWords:
     """
-    What to tell a driver, who may have other keys than the sticks'.
+    Answers to the user, who may have other keys than the sticks'.
 
     `drive` is the state in which the keys drive; `elsewhere` are keys that somebody else takes.
     `reset_key` puts a fallen robot on its feet and `help_key` shows the keys; '' where none does.
@@ -276,7 +276,7 @@ class KeyWords:
     name: Callable[[str], str] = str
 
     def to_fallen(self, obstacle: str = '') -> str:
-        """Return what to do with a robot that lies, which an `obstacle` may keep from rolling."""
+        """Return the advice for a fallen robot, which an `obstacle` may keep from rolling."""
         if obstacle:
             cure = f'press {self.reset_key} to reset' if self.reset_key else 'put it on its feet'
             return f'{cure} (fallen; {obstacle})'
@@ -305,7 +305,7 @@ class KeyWords:
         return f'{cure} (cmd_vel drives in move base, not {state.value})'
 
     def to_gait(self, gait: str, limits: VelocityLimits) -> str:
-        """Return how fast the robot goes in a gait that was chosen, or asked for more."""
+        """Return the top speed of a gait, after its choice or a larger command."""
         sideways = f'{limits.lateral:.2g} m/s, {limits.yaw:.2g} rad/s'
         return f'{gait}: at most {limits.forward:.2g}, {sideways} ({self.name("n")}: next gait)'
 

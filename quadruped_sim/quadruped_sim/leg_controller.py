@@ -57,7 +57,7 @@ _SPRAWLED = 1.0
 
 class LegController:
     """
-    Walks a quadruped: one `step` per tick, 500 times a second.
+    Walks a quadruped: one `step` per tick, at 500 Hz.
 
     A `model` serves one controller at a time. `params` are as for the Go2; they are scaled to the
     robot. Joints are leg angles, see `robot_description.morphology`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver chooses by name: how the feet step, and how fast full stick is; on the Go2."""
+"""Choices by name: gaits, and speeds at full stick; for the Go2."""
 
 from typing import NamedTuple
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings that come one by one, each with its stamp: puts them together and steps the legs."""
+"""Pairs readings by their stamps, and steps the legs."""
 
 from collections.abc import Callable
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guards around the controller: what came in, how the robot lies, what goes out."""
+"""Guards around the controller: readings, falls, commands."""
 
 import math
 
@@ -20,7 +20,7 @@ _BROKEN_READINGS_MAX = 3
 
 class FallWatch:
     """
-    Sees that a robot which is to stand has gone down, whatever its tilt: on its belly or a hip.
+    Detects a fall of a standing robot at any tilt: onto its belly or a hip.
 
     State: whether it has been up, and for how long it has been down or not up yet [s]. Times are a
     Go2's; `time` is how much longer a robot's are.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node that makes a gamepad `joy`, `joy` velocities and keys, and the executable `gamepad`."""
+"""The node that turns a gamepad into `joy`, velocities and keys; executable `gamepad`."""
 
 from collections.abc import Callable, Sequence
 import sys
@@ -37,7 +37,7 @@ CHANGEABLE = tuple(name for name, (field, _) in NAMES.items() if not field.metad
 
 
 class PadOutput(NamedTuple):
-    """Where velocities, keys and words about the pad go."""
+    """The receiver of velocities, keys and remarks of a pad."""
 
     drive: Callable[[JoyTwist], None]
     press: Callable[[str], None]
@@ -46,7 +46,7 @@ class PadOutput(NamedTuple):
 
 class GamepadNode(Node):
     """
-    Publishes a pad as `joy`, and what `joy` means as `cmd_vel` and `keys`.
+    Publishes a pad as `joy`, and from `joy` makes `cmd_vel` and `keys`.
 
     Messages on `joy` from other processes mean the same: the pad may be on another machine. Alone
     it looks when a thread, which does nothing else, sees that the pad has something to say. With

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which keys are down, from auto-repeat or told releases, and the direction they ask for."""
+"""Which keys are down, from auto-repeat or reported releases, and their direction."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -204,7 +204,7 @@ def combine(directions: Iterable[Direction]) -> Direction:
 
 class Motion:
     """
-    The direction that the motion keys ask for, in one of three modes.
+    The direction of the motion keys, in one of three modes.
 
     `hold`: all keys that are down count together. `latch`: the last key counts until the next.
     `step`: each press adds a share of full speed, up to all of it. In the latter two a direction

@@ -79,7 +79,7 @@ class KeyPublisherNode(Node):
 
 class KeyService:
     """
-    Publishes the keys of a KeyPublisherNode once somebody listens to them.
+    Publishes the keys of a KeyPublisherNode once there is a subscriber.
 
     With a `help` it says that, the robot's state, and which keys wait.
     """

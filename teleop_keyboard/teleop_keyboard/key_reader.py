@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keys from wherever this process can get them, its terminal or a pipe; kept until heard."""
+"""Reads keys from the terminal or a pipe, and keeps them until there is a subscriber."""
 
 from collections import deque
 import contextlib
@@ -27,7 +27,7 @@ LIMIT = 20
 
 
 class WaitingKeys:
-    """Keeps keys, in order, until somebody listens or they are too old; reads no clock."""
+    """Keeps keys, in order, until there is a subscriber or they are too old; reads no clock."""
 
     def __init__(self) -> None:
         self._keys: deque[tuple[str, float]] = deque(maxlen=LIMIT)
@@ -71,7 +71,7 @@ IGNORED = 'pasted text was ignored (keys that are pressed drive)'
 
 
 class Source(Protocol):
-    """Something that bytes of keys come from."""
+    """A source of bytes of keys."""
 
     @property
     def closed(self) -> bool:

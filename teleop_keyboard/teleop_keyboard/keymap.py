@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What keys are called, in messages, keymaps, scripts and on other layouts, and what each means.
+Names of keys in messages, keymaps, scripts and on other layouts, and their meaning.
 
 A printable character is called by itself (`w`, `é`, and a blank for the space bar). Other keys
 have names in capitals (`UP`, `F5`, `ESC`). Modifiers stand in front, in the order CTRL, ALT,
@@ -122,7 +122,7 @@ LOWEST_RATE, LOWEST_ACCEL = 1.0, 0.05
 
 
 class KeymapError(InvalidParameter):
-    """A keymap cannot be used; says file, line, key, what came and what is wanted."""
+    """A keymap cannot be used; gives file, line, key, the value and what is wanted."""
 
 
 class Direction(NamedTuple):
@@ -135,7 +135,7 @@ class Direction(NamedTuple):
 
 
 class SpeedFactor(NamedTuple):
-    """What a speed key multiplies speed and turn by."""
+    """The factors of a speed key for speed and turn."""
 
     linear: float
     angular: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keys to a ramped velocity command, on the time that it is told."""
+"""Turns keys into a ramped velocity command; the caller gives the time."""
 
 from dataclasses import dataclass
 import math

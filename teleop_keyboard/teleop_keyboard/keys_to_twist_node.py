@@ -24,7 +24,7 @@ LAST_WORDS_TIMEOUT = 0.25
 
 class KeysToTwistNode(Node):
     """
-    Listens to `keys` and publishes `cmd_vel`, by a preset and its ramps.
+    Subscribes to `keys` and publishes `cmd_vel`, with a preset and its ramps.
 
     Alone it makes its logic by the parameters, and steps itself with a timer on its own clock
     (simulated time, if so set). Who gives it a `logic`, to which all parameters but preset and

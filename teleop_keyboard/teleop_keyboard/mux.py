@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which one of several sources of velocity commands drives, on the time that it is told."""
+"""Selects one of several sources of velocity commands; the caller gives the time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

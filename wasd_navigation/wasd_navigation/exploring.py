@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Where to drive next, to see all that can be reached: to frontiers between known and unknown.
+Chooses goals for exploration: frontiers between known and unknown space.
 
 Yamauchi, A frontier-based approach for autonomous exploration, 1997.
 """
@@ -36,7 +36,7 @@ APART = 0.3
 
 class Explorer:
     """
-    Chooses goals until nothing is unknown that the robot could look at, as far as it can drive.
+    Chooses goals until the robot can reach no more frontiers.
 
     `aim` is the middle of the frontier that it drives to, shape (2,) [m], None where it drives to
     none.

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Lets no command drive a robot into what its lidar sees.
+Keeps commands from driving a robot into obstacles that its lidar sees.
 
 A command is followed for as much of it as keeps the footprint clear: along the curve that it asks
 for (by time to collision, as Nav2's collision monitor), and on the way to a stop from what the

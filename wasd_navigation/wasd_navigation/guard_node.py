@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The guard on ROS: a velocity, scan and odom in; as much of the velocity as keeps clear out."""
+"""The guard on ROS: velocity, scan and odom in; the limited velocity out."""
 
 import sys
 from typing import Any
@@ -33,7 +33,7 @@ PERIOD, IN_FORCE = 0.05, 0.5
 
 class GuardNode(Node):
     """
-    Relays velocities from `cmd_vel_in_topic` to `cmd_vel_out_topic`, as far as they keep clear.
+    Relays velocities from `cmd_vel_in_topic` to `cmd_vel_out_topic`, limited to keep clear.
 
     Takes `scan`, `odom` and the lidar's place from /tf_static. `~/state` says what it does to the
     command in force, and why; nothing while it does nothing.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the robot is and where it drives to: a map, a driver, and what happens to a goal."""
+"""Localisation, path following and the state of a goal."""
 
 from collections.abc import Callable
 import math
@@ -39,7 +39,7 @@ Locator = Mapper | Localizer
 
 
 class Outcome(NamedTuple):
-    """How a goal has ended: arrived, refused, failed or cancelled, and why in words."""
+    """The end of a goal: arrived, refused, failed or cancelled, with the reason."""
 
     state: str
     reason: str = ''

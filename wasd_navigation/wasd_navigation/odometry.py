@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Odometry of the last seconds: where a robot was at a scan, how it has moved, and how sure."""
+"""Odometry of the last seconds: pose at a scan, motion and covariance."""
 
 from collections import deque
 import math

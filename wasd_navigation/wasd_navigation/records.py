@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is seen of the surroundings, a lidar's scan, and what is known, an occupancy grid."""
+"""Records: a lidar's scan and an occupancy grid."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -116,7 +116,7 @@ class Scan:
 
 
 class Ranges(NamedTuple):
-    """What a lidar says of its rays, by the names of sensor_msgs/LaserScan [m], [rad]."""
+    """A lidar's rays, with the names of sensor_msgs/LaserScan [m], [rad]."""
 
     ranges: Sequence[float]
     angle_min: float

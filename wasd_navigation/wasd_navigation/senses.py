@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a robot senses by the times at which it does: odometry, and scans with that of theirs."""
+"""Pairs scans with the odometry of their time."""
 
 from collections.abc import Callable
 import math

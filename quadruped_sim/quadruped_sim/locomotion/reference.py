@@ -26,7 +26,7 @@ STEEP = 0.35
 
 class BaseReference(NamedTuple):
     """
-    Where the base shall be now, world axes.
+    The desired state of the base now, world axes.
 
     `position` (3,), `rpy` (3,), `velocity` (3,) [m/s], `yaw_rate` [rad/s].
     """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Walking by sight: what a map of heights tells feet and base [Grandia2023], [Jenelten2020].
+Walking by sight: footholds and base by an elevation map [Grandia2023], [Jenelten2020].
 
 Footholds keep off edges, swing feet pass over the highest ground between their ends, the base is
 as high and as steep as the ground from behind it to ahead of it, feet have their friction on the

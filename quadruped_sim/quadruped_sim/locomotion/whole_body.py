@@ -25,7 +25,7 @@ from quadruped_sim.tuning import MpcParameters, WholeBodyParameters
 
 class WholeBodyTask(NamedTuple):
     """
-    What the robot shall do now.
+    The present task of the robot.
 
     `base_acceleration` (6,): linear [m/s^2] then angular [rad/s^2], world axes. `is_stance` (4,);
     `forces` (4, 3) [N] wanted on the feet, world axes; `foot_acceleration` (4, 3) [m/s^2] of the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a state is, and those in which a driver stands, leans and walks."""
+"""The base class of states, and the states for standing, leaning and walking."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

@@ -26,7 +26,7 @@ TRUST_TIME = 0.03
 
 class Walker(Protocol):
     """
-    What walks in place of the gait; joints are in its own order.
+    A controller that walks in place of the gait; joints are in its own order.
 
     `default` (n,) is the pose in which it begins [rad]. `ranges` are those of the velocities that
     that it knows, or None. `failure` is '' while all is well.

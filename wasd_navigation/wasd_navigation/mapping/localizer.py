@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the robot is in a map that is there already, by hypotheses until one of them is left."""
+"""Localises in a saved map, with hypotheses until one is left."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ LEAST_REACH, LEAST_TURN, DEVIATIONS = 0.75, 0.8, 2.0
 
 @dataclass
 class Hypothesis:
-    """A pose, how much of the last scan fits there, and by how much less has fitted in sum."""
+    """A pose, the share of the last scan that fits there, and its summed deficit."""
 
     pose: np.ndarray
     share: float
@@ -51,7 +51,7 @@ class Hypothesis:
 
 
 class Hypotheses:
-    """Some poses, the best first; each `judge` gives up those that fit worse."""
+    """Some poses, the best first; each `judge` drops those that fit worse."""
 
     def __init__(self) -> None:
         self._all: list[Hypothesis] = []
@@ -110,7 +110,7 @@ def _is_near(first: np.ndarray, second: np.ndarray) -> bool:
 
 class Localizer:
     """
-    Keeps a grid, the robot's pose in it, and while that is not known, where it may be.
+    Keeps a grid, the robot's pose in it, and candidates while the pose is unknown.
 
     It searches the whole map at first, when it is told a pose only around that, and again when
     scans have ceased to fit: then the robot was moved by hand. When they suddenly fit less it may

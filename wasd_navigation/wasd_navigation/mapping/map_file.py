@@ -31,7 +31,7 @@ FARTHEST, MOST, LONGEST_WORDS = 1e6, 1e300, 60  # [m], any, characters
 
 
 class MapFileError(UserError):
-    """A map cannot be read, or there is none to write; says the file and why."""
+    """A map cannot be read, or there is no map to write; names the file and the reason."""
 
 
 def map_outputs(path: Path, option: str = '') -> tuple[OutputFile, OutputFile]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Maps while it drives: where the robot is in a map that grows from what it sees."""
+"""SLAM: the robot's pose in a map that grows with its scans."""
 
 import math
 
@@ -47,7 +47,7 @@ LOOP_PRIOR = np.diag((1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.1**2))
 
 class Mapper:
     """
-    Keeps places with their scans, how they lie to each other, and the grid that they draw.
+    Keeps places with their scans, their relative poses, and the grid drawn from them.
 
     The first scan is taken where odometry says; the map's frame is that of odometry then. One
     `step` takes in one scan and works on loops and on the grid in small portions.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Follows a pose by odometry and by how scans fit, and learns how odometry errs meanwhile."""
+"""Tracks a pose by odometry and scan matching, and learns odometry's errors."""
 
 from collections import deque
 import math
@@ -29,7 +29,7 @@ STUCK_SHARE, STUCK_WAY, STUCK_SCANS, STUCK_SLIPS = 0.3, 0.3, 12, 3
 
 class Tracker:
     """
-    Keeps a pose and its covariance, and what odometry must be multiplied by to be right.
+    Keeps a pose, its covariance, and correction factors of odometry.
 
     `move` comes first, then `fit` with a map of surfaces, then `believe` if the fit is one.
     """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How far it is from each cell to the nearest obstacle.
+The distance from each cell to the nearest obstacle.
 
 Exact squared distances by two passes of lower envelopes of parabolas (Felzenszwalb and
 Huttenlocher, Distance Transforms of Sampled Functions, 2012); the first pass, over a binary

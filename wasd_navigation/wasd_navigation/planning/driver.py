@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drives a robot to a goal: the machine of states around route, sampler and docking."""
+"""Drives a robot to a goal: the state machine around route, sampler and docking."""
 
 import math
 from typing import NamedTuple
@@ -41,7 +41,7 @@ _BRIDGE = 1.0
 
 
 class Manoeuvre(NamedTuple):
-    """A velocity (vx, vy, wz) for a time [s], and what it is called."""
+    """A velocity (vx, vy, wz) for a time [s], and its name."""
 
     velocity: np.ndarray
     duration: float
@@ -59,7 +59,7 @@ def choose_manoeuvre(count: int, limits: DriveLimits) -> Manoeuvre:
 
 class Driver:
     """
-    Takes the map, the pose, the velocity and scans; says which velocity to ask for.
+    Takes the map, the pose, the velocity and scans; returns the velocity to command.
 
     All poses are (x, y, yaw) [m, rad] in the map frame, velocities (vx, vy, wz) [m/s, rad/s] in
     the base frame, shape (3,). `state` is `idle`, `driving`, `turning` (at the goal, to its

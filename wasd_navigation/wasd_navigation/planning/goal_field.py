@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How much way is left to the goal from each cell, around all that is in the way.
+The remaining cost to the goal from each cell, around obstacles.
 
 The eikonal equation |grad value| = price, solved by fast marching (Sethian, A fast marching
 level set method for monotonically advancing fronts, 1996), upwind and of first order: from a
@@ -81,7 +81,7 @@ def pop(heap: Heap) -> tuple[float, int]:
 
 class DiscField:
     """
-    What is left to a goal (x, y, yaw) for a robot that is as wide whichever way it looks.
+    The remaining cost to a goal (x, y, yaw) for a round robot.
 
     `reach` [m] is the least distance of its middle from obstacles.
     """

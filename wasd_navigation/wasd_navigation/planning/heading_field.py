@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How much way is left to the goal from each place and heading, for a footprint that is no circle.
+The remaining cost to the goal from each place and heading, for a long footprint.
 
 Dijkstra's algorithm over places twice as far apart as the map's cells, and 16 headings: a robot
 that is longer than a gap is wide finds out where it has to turn before it goes through.
@@ -46,7 +46,7 @@ _SHIFTS, _MOST_SHIFT = (0.0125, math.pi / HEADINGS / 8.0), 4
 
 
 class Taste(NamedTuple):
-    """What a way is to be like: `comfort` is the share of the room that is wanted around it."""
+    """Preferences of a path: `comfort` is the share of the wanted clearance."""
 
     comfort: float
     turning: float  # what a turn costs, as a share of its time: most of it is done under way
@@ -79,7 +79,7 @@ class Lattice(NamedTuple):
 
 
 class Prices(NamedTuple):
-    """What makes the price of a place: room wanted, and what less of it costs."""
+    """The price of a place: the wanted clearance, and the cost of less."""
 
     least: float  # what every pose must have [m]
     margin: float  # [m]
@@ -272,7 +272,7 @@ def _room_near(
 
 class HeadingField:
     """
-    What is left to a goal (x, y, yaw) for a robot that is long; drawn in slices.
+    The remaining cost to a goal (x, y, yaw) for a long robot; computed in slices.
 
     `margins` are what every pose must have, and from which on room is dear [m].
     """

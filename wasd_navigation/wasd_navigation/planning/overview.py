@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What is left to a goal across a large map, coarsely; what is around a robot is looked at well.
+The remaining cost across a large map, coarse; other modules plan around the robot.
 
 Places are a few cells wide, and free where the best of their cells has room for the robot. Walls,
 grown by that room to both sides, are wider than a place, so no way leads through them.
@@ -25,7 +25,7 @@ _MOST_POINTS = 4000
 
 class Rooms:
     """
-    How much room there is at most in each place of a map [m], shape (rows, columns), float32.
+    The largest clearance in each place of a map [m], shape (rows, columns), float32.
 
     `is_known` is where somebody has looked. Of a map that has changed, only what has is measured
     again.
@@ -111,7 +111,7 @@ def pool(
 
 class Overview:
     """
-    What is left to a goal (x, y, yaw) from each place of a whole map; drawn in slices.
+    The remaining cost to a goal (x, y, yaw) from each place of a whole map; in slices.
 
     `reach` [m] is the least distance of the robot's middle from obstacles. `values` are those of
     the places [m of free way]; what no way leads from has `beyond`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a goal can be reached, and the way there from wherever the robot is."""
+"""Whether a goal can be reached, and the path there from the robot."""
 
 import math
 from typing import Any
@@ -36,7 +36,7 @@ Drawing = DiscField | HeadingField
 
 class Route:
     """
-    What is left from each place to one goal (x, y, yaw), and the way from one of them.
+    The remaining cost from each place to one goal (x, y, yaw), and the path from one place.
 
     `draw` begins to work it out for what is around now, each `work` goes on with it; until that is
     good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `settle`

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Which motion of the next seconds is best: model predictive path integral control.
+Chooses the best motion of the next seconds: model predictive path integral control.
 
 Many motions around the last best one are tried, and weighted by the exponential of what they cost
 (Williams, Wagener, Goldfain and others, Information Theoretic MPC for Model-Based Reinforcement
@@ -37,7 +37,7 @@ DRIVERS = _FOLLOWERS + 4
 
 
 class Scene(NamedTuple):
-    """All that a motion is judged by; the way (x, y, yaw), shape (n, 3), leads to the goal."""
+    """The input of a motion's cost; the path (x, y, yaw), shape (n, 3), leads to the goal."""
 
     distances: Field
     values: Field
@@ -48,7 +48,7 @@ class Scene(NamedTuple):
 
 class Sampler:
     """
-    Chooses the velocity of the next step; keeps the motion that it is part of.
+    Chooses the velocity of the next step; keeps the motion around it.
 
     `plan`, shape (horizon, 3), are the velocities to come, one per STEP.
     """
