@@ -14,7 +14,7 @@ QUARTER_TURN = 0.5 * math.pi
 
 
 class Wheels(NamedTuple):
-    """What odometry has to know of its wheels [m]."""
+    """The wheels, as odometry uses them [m]."""
 
     left_radius: float
     right_radius: float
@@ -46,7 +46,7 @@ class SquareRun:
 
 class Umbmark(NamedTuple):
     """
-    What the return errors of squares say [Borenstein1996].
+    The result of the return errors of squares [Borenstein1996].
 
     `diameter_ratio` is E_d, the true right wheel's diameter over the left one's, relative to what
     odometry believes; `wheelbase_ratio` is E_b, the true wheelbase over the believed one;

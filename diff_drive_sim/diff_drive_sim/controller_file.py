@@ -45,7 +45,7 @@ KIND = NodeKind(
 
 class ControllerFile(NamedTuple):
     """
-    What a file says: `values` are what it gives, `parameters` those in place of defaults.
+    A file's content: its `values`, and `parameters` with these in place of defaults.
 
     `name` is the controller's, `unused` what has no meaning here.
     """

@@ -43,7 +43,7 @@ JUMPS_SAID = 5.0
 
 
 class FloatDrive:
-    """Two loops that know fractions."""
+    """Two wheel loops with fractions."""
 
     def __init__(self, gains: Gains, motor: WheelMotor, scale: float, delay: int) -> None:
         self._loops = (

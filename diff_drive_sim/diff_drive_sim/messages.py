@@ -84,7 +84,7 @@ TAKE_PERIOD = 0.005
 
 class VelocityInput:
     """
-    Hands on what arrives on cmd_vel: `on_twist` and `on_stamped` are called with the messages.
+    Passes messages of cmd_vel on, to `on_twist` and `on_stamped`.
 
     A DDS participant knows one type per topic. With `stamped` `auto` this one listens for Twist;
     once somebody publishes TwistStamped, a second participant listens for that. `expect` drops the

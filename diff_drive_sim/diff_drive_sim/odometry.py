@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Two driven wheels: found in the URDF, what their speeds mean, where the robot is by them.
+Two driven wheels: found in the URDF, their kinematics and odometry.
 
 How sure that is grows with how far it went.
 """
@@ -21,7 +21,7 @@ Pair = tuple[float, float]
 
 
 class DiffDriveError(UserError):
-    """The diff-drive controller cannot do what was asked; the text is one line."""
+    """The diff-drive controller cannot carry out a request; the text is one line."""
 
 
 @dataclass(frozen=True)

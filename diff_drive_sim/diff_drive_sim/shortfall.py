@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a robot goes as fast as it is told, once a command has been steady for a while."""
+"""Detects a robot that is slower than its steady command."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ ENOUGH = 0.75
 
 class Shortfall:
     """
-    Compares what is asked of a robot with what its wheels and it itself really do.
+    Compares a robot's command with the true motion of the robot and its wheels.
 
     Speeds are (ahead [m/s], turn [rad/s]); a turn counts by what it makes of a wheel's speed.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What motors and sensors of legs do, compiled: each physics step and each tick asks for it."""
+"""Compiled motors and sensors of legs, for each physics step and each tick."""
 
 import math
 from typing import NamedTuple
@@ -13,7 +13,7 @@ ImuErrors = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class NoiseSizes(NamedTuple):
-    """What a robot has of `SensorNoise`: white noise, how its biases walk, and if it drifts."""
+    """A robot's part of `SensorNoise`: white noise, random walk of biases, drift."""
 
     joint_position: float
     joint_velocity: float

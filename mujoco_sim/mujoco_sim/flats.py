@@ -37,7 +37,7 @@ CORRIDOR, LEAST_ROOM, MOST_ROOM, LIVING = (1.3, 1.8), 2.7, 4.6, (3.2, 4.6)
 @dataclass(frozen=True)
 class Flat:
     """
-    A flat, and where its parts are.
+    A flat and the places of its parts.
 
     `boxes`, shape (n, 6): centre x, y, half length, half width, height, yaw; they stand on the
     floor, the first `walls` of them are walls, the others furniture. `rooms`, shape (r, 4): least

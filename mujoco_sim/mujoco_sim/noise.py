@@ -15,7 +15,7 @@ _NO_STEPS = np.zeros(6)
 @dataclass(frozen=True)
 class SensorNoise:
     """
-    Standard deviations of what the sensors add to the truth, white at each reading.
+    Standard deviations of the sensors' white noise.
 
     The accelerometer also has a constant bias of `acceleration_bias` in a random direction.
     Defaults: a consumer IMU and joint encoders as on the Go2.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulator is told at its start, and what of it no controller is; loads no MuJoCo."""
+"""The simulator's settings, also those unknown to controllers; loads no MuJoCo."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -170,7 +170,7 @@ class Payload(NamedTuple):
 @dataclass(frozen=True)
 class Untold:
     """
-    What a run changes behind the controller's back.
+    Changes of the robot that the controller does not know.
 
     `friction` is what its feet have on any ground, or of a robot without feet all that it touches
     the ground with, wheels too; without one it is what the description says. `payload` is what the

@@ -156,7 +156,7 @@ def _surface(model: mujoco.MjModel, geom: int) -> np.ndarray:
 
 class Push(NamedTuple):
     """
-    A world-frame force [N], shape (3,), for so long [s].
+    A world-frame force [N], shape (3,), and its duration [s].
 
     It acts at a point of the root's frame [m], shape (3,), or else at the centre of mass.
     """
@@ -168,7 +168,7 @@ class Push(NamedTuple):
 
 class Actuation:
     """
-    What acts on one robot in a model: its start, the command and the pushes in force.
+    The actions on one robot in a model: its start, the command and the present pushes.
 
     It is told the tick; a command takes effect after the setup's delay.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a robot is put into a world: start pose, motors, noise, load; as usual, given, or drawn."""
+"""Sets up a robot in a world: start pose, motors, noise, load; default, given or random."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

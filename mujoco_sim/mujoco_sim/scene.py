@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is around the robot: floor, light, walls, and ground that is not flat."""
+"""The surroundings of the robot: floor, light, walls and terrain."""
 
 from collections.abc import Callable
 import math
@@ -498,7 +498,7 @@ WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {
 
 
 class Span(NamedTuple):
-    """The least and largest size that makes sense, the usual one, and where it is written."""
+    """The smallest and largest size, the default, and its place in the text."""
 
     least: float
     most: float
@@ -507,7 +507,7 @@ class Span(NamedTuple):
 
 
 class Terrain(NamedTuple):
-    """What builds a terrain of some sizes, as its last argument by a generator; their spans."""
+    """A builder of a terrain, with a generator as last argument, and the spans of its sizes."""
 
     build: Callable[..., None]
     spans: tuple[Span, ...]

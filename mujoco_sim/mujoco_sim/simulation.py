@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulation loop: what is due when, how fast it may go, and for whom it waits."""
+"""The simulation loop: schedule, pace, and waiting for controllers."""
 
 from collections.abc import Callable
 import itertools
@@ -39,7 +39,7 @@ LONGEST_LOOK = 0.1
 
 class Simulation:
     """
-    A world, what is scheduled on it, and the loop that advances both.
+    A world, its schedule, and the loop that advances both.
 
     In each instant the due tasks run in order, then physics steps to the next instant; nothing
     else moves the robot. `on_reset` are called when the robot is put back to its start.
@@ -247,7 +247,7 @@ class Pacer:
 
 class AnswerHold:
     """
-    Knows which state a controller has answered last, and how long it has been waited for.
+    Keeps the last state that a controller answered, and the time of waiting for it.
 
     A controller in another process that stamps its commands with the state they answer is never
     more than STATES_AHEAD states behind: on a busy machine the robot slows down instead of

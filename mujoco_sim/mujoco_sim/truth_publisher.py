@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only a simulator can tell: where the robot is, how far off its odometry is, what slips."""
+"""Publishes the truth: the robot's pose, the error of its odometry, its slip."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence

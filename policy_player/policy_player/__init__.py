@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A neural network as the controller: what its files say, what it sees, what it commands."""
+"""A neural network as the controller: its files, observations and commands."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What each training framework writes of a policy, read into a `PolicySpec`.
+Reads the files of each training framework into a `PolicySpec`.
 
 mjlab writes metadata into the ONNX file, Isaac Lab and unitree_rl_lab a deploy.yaml, rl_sar a
 config.yaml, unitree_rl_gym a yaml of its own; legged_gym and MuJoCo Playground write nothing and

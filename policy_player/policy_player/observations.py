@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a network is shown: terms, clipped and scaled, with their past."""
+"""The observation of a network: terms, clipped and scaled, with their history."""
 
 import math
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What an ONNX file says of itself, read from its bytes before any library opens it.
+Reads an ONNX file's facts from its bytes, before any library opens it.
 
 The format is protobuf [https://protobuf.dev/programming-guides/encoding]; field numbers are those
 of onnx.proto3.

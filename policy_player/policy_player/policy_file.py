@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A policy from its files: the network, and what it was trained with."""
+"""Loads a policy from its files: the network and its training settings."""
 
 from pathlib import Path
 import time
@@ -34,7 +34,7 @@ RUNS = 10
 
 
 class Policy(NamedTuple):
-    """A network and how it is to be used; `config` is the file that says so, '' for none."""
+    """A network and its settings; `config` is the file of the settings, '' for none."""
 
     spec: PolicySpec
     network: Network

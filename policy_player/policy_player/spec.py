@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a policy was trained with: the one record that every file format is read into."""
+"""The training settings of a policy: the common record of all file formats."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is odd about a policy's numbers: mistakes that walk on, badly, without a word."""
+"""Finds odd numbers of a policy: mistakes that make it walk badly, without an error."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML of training frameworks as plain values: a tag that would make something is not obeyed."""
+"""Reads YAML of training frameworks as plain values: tags make no objects."""
 
 from pathlib import Path
 from typing import Any

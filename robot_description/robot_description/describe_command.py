@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The `describe` command: what a xacro or URDF file is, says, and gets wrong."""
+"""The `describe` command: kind, contents and mistakes of a xacro or URDF file."""
 
 import argparse
 from collections.abc import Sequence

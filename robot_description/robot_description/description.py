@@ -38,7 +38,7 @@ OTHER = 'other'
 @dataclass(frozen=True)
 class Description:
     """
-    A robot's description: its file, URDF text and content, and what became of its meshes.
+    A robot's description: its file, URDF text and content, and its meshes.
 
     What loads, simulates or drives a robot takes this, so that a file is read and parsed once.
     `robot` is `urdf` parsed, with motors and tyres where `load_robot` filled gaps.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `describe info` tells: tree, masses, joints, meshes, and whether libraries agree."""
+"""The output of `describe info`: tree, masses, joints, meshes, agreement of libraries."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 import io

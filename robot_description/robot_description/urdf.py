@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads URDF text to a robot; what is wrong with it is said in one line."""
+"""Reads URDF text to a robot; an error is one line."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

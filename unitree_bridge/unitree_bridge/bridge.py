@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Unitree's interface over one robot: what comes over the wire, and what goes."""
+"""Unitree's interface of one robot: incoming and outgoing messages."""
 
 from collections.abc import Callable
 

@@ -32,7 +32,7 @@ _RESERVE = _CMD.field('reserve')
 
 
 class LowCommand(NamedTuple):
-    """What a program asks of the motors, in Unitree's order; the tick that it answers, or 0."""
+    """A program's command to the motors, in Unitree's order; the tick that it answers, or 0."""
 
     command: JointCommand
     tick: int

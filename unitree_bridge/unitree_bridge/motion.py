@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the sport service asks of our controller, as keys and velocities over time."""
+"""Turns requests of the sport service into keys and velocities over time."""
 
 from collections.abc import Callable
 import math

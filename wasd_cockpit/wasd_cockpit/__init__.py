@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cockpit in the browser: what the page shows of a run, and what it takes from its driver."""
+"""The cockpit in the browser: it shows a run and takes orders from its driver."""
 
 from wasd_core import load_lazily
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: the theme, the windows, the panels in them, and what is kept of what was chosen."""
+"""The page: its theme, windows and panels, and the saved choices."""
 
 from collections.abc import Callable, Mapping
 import contextlib
@@ -99,7 +99,7 @@ class Times:
 
 class Cockpit:
     """
-    All panels of the page, drawn from what the link's snapshot says.
+    All panels of the page, drawn from the link's snapshot.
 
     Everything here is called in the viewer's thread.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the panels are, on a desk and on a phone, and which of several in one place is shown."""
+"""The layout of panels, on a desk and on a phone, and the shown one of several."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

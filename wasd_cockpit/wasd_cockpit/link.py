@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes between the simulation and the page: snapshots with their history, and orders."""
+"""Data between the simulation and the page: snapshots with their history, and orders."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ Force = tuple[float, float, float]
 @dataclass(frozen=True)
 class Columns:
     """
-    Which columns of the history mean what.
+    The columns of the history.
 
     Column 0 is the time [s]; then three each of velocities (forward, left [m/s], turn [rad/s]),
     the controller's tick [ms], the real-time factor; then a force [N] and whether the plan has it
@@ -85,7 +85,7 @@ class History:
 
 
 class Order(NamedTuple):
-    """What the page asks for: what, of whom or which, and how much."""
+    """An order from the page: its kind, its target and its value."""
 
     what: str
     name: str = ''
@@ -101,7 +101,7 @@ class Order(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A button: what it is called and orders, whether it is on, and why it cannot be pressed."""
+    """A button: its name and order, whether it is on, and why it is unavailable."""
 
     name: str
     order: Order
@@ -136,7 +136,7 @@ class Stick(NamedTuple):
 
 class StickUse(NamedTuple):
     """
-    What the stick does now: `full` is what a full stick asks for [m/s], [m/s], [rad/s].
+    The use of the stick: `full` is the command of a full stick [m/s], [m/s], [rad/s].
 
     `words` say what it moves, or what is missing.
     """
@@ -148,7 +148,7 @@ class StickUse(NamedTuple):
 
 class Start(NamedTuple):
     """
-    What runs, and which robots and worlds a run may start again with.
+    The present robot and world, and the choices for a restart.
 
     `called` is what the user types before their names, `kept` are the options with which the same
     robot starts again; `refusal` says why it may not.
@@ -186,7 +186,7 @@ def moved(points: np.ndarray, pose: PlanarPose, other: PlanarPose) -> np.ndarray
 
 class Navigation(NamedTuple):
     """
-    The surroundings as the robot knows them, and where it drives, in the map's axes [m].
+    The robot's map, path and goal, in the map's axes [m].
 
     `cells` (rows, columns) are -1 where nothing is known, 0 free, to 100 occupied, each of a
     `resolution`; the corner of the first, lowest in x and y, is at `origin`. `number` is another
@@ -208,7 +208,7 @@ class Navigation(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class Marks:
     """
-    What is drawn in the scene beside the robot, in the world's axes [m], [N].
+    Marks in the scene beside the robot, in the world's axes [m], [N].
 
     `place` and `rotation` are the base's as it is, `estimate` and `estimated_rotation` as the
     controller believes them to be, None where it does not say. `footholds` are where swinging feet
@@ -232,7 +232,7 @@ class Marks:
 @dataclass(frozen=True, kw_only=True)
 class Snapshot:
     """
-    One instant of a run, all that the page knows of it.
+    One instant of a run: all data of the page.
 
     `robot` is which of `robots` is driven. `speed` is the factor of real time that is wanted, 0 as
     fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cockpit adds to the scene: marks beside the robot, the camera, a hand in it."""
+"""The cockpit's part of the scene: marks, the camera, pushes by the pointer."""
 
 from collections.abc import Iterator
 import math

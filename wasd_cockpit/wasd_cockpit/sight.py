@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the robot would see: a picture with its depth, and ranges all around, for the page."""
+"""The robot's view for the page: a picture with depth, and ranges all around."""
 
 from collections.abc import Callable
 import logging

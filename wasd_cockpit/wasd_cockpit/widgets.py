@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What panels are made of: buttons that say why not, words, and where each of them is."""
+"""Widgets of panels: buttons that tell why they are unavailable, texts, and their places."""
 
 import math
 from typing import NamedTuple

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every package here shares: errors, parameters, nodes, records of the robot."""
+"""The shared parts of all packages: errors, parameters, nodes, records of the robot."""
 
 import os
 import sys

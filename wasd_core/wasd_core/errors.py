@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors of all packages, and the words in which they are told: one line, and what was meant."""
+"""Errors of all packages, and their texts: one line, with suggestions."""
 
 from collections.abc import Callable, Iterable
 import difflib
@@ -10,11 +10,11 @@ class UserError(ValueError):
 
 
 class Stopped(Exception):
-    """A stop signal came while something was made that takes its time."""
+    """A stop signal came during a long construction."""
 
 
 class InvalidMessage(UserError):
-    """A message says something that cannot be; the text is one line."""
+    """A message has impossible content; the text is one line."""
 
 
 class DescriptionError(UserError):
@@ -30,7 +30,7 @@ class RobotModelError(UserError):
 
 
 class SimulationError(UserError):
-    """The simulation cannot do what was asked; the text is one line."""
+    """The simulation cannot carry out a request; the text is one line."""
 
 
 def attempt_all(*acts: Callable[[], object]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an installation has only where it was asked for, by the name of an extra."""
+"""Optional parts of an installation, by the name of their extra."""
 
 from importlib import import_module
 import sys

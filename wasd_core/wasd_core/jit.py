@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles functions by numba, and keeps what it compiled for as long as it is true."""
+"""Compiles functions by numba, and caches the code while it is valid."""
 
 from collections.abc import Callable, Iterator
 import contextlib

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Who talks to whom over ROS on this machine.
+ROS domains of the runs on this machine.
 
 ROS keeps to this machine unless the user says otherwise. Each run takes a domain of its own by
 binding sockets with names (abstract unix sockets): the kernel gives a name once, to one process,

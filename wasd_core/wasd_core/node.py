@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What runs a node as a process: ROS is started, messages are handled, the way out is clean."""
+"""Runs a node as a process: starts ROS, handles messages, and shuts down cleanly."""
 
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
@@ -275,7 +275,7 @@ def _held(things: Sequence[Any]) -> Iterator[None]:
 
 class MessagePump(SingleThreadedExecutor):
     """
-    An executor for a loop that has other things to do: handles what is there and returns.
+    An executor for a loop with other work: handles the present messages and returns.
 
     rclpy makes what it waits for again at each pass, a dozen microseconds for each thing. So it is
     asked only when something has come; and events of quality of service, one or two for each

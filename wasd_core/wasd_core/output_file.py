@@ -33,7 +33,7 @@ class OutputError(UserError):
 
 class OutputFile:
     """
-    Where an option's output goes; `write` it whole, or `begin`, `append` and `close` it.
+    The output file of an option; `write` it whole, or `begin`, `append` and `close` it.
 
     Raises:
         OutputError: it cannot be written, as far as can be told before. Nothing is changed yet.

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Keeps numba from reading what another user could have written.
+Keeps numba from reading files that another user can write.
 
 numba reads `.numba_config.yaml` in the current folder, when it is imported and before it compiles,
 and unpickles what lies in its cache: either one runs the code of the user who wrote it.

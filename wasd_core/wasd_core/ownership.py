@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether somebody else could have written what lies at a path."""
+"""Whether another user can write a path."""
 
 import os
 import stat

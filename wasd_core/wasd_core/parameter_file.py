@@ -236,7 +236,7 @@ DEEPEST_YAML = 50
 
 
 class BoundedLoader(yaml.SafeLoader):
-    """Composes what is not too deep for those who walk through it."""
+    """Composes YAML up to a bounded depth."""
 
     _depth = 0
 

@@ -16,7 +16,7 @@ LARGEST, LONGEST_SHOWN = 10**300, 80
 
 
 class InvalidParameter(UserError):
-    """A parameter has a value that it cannot have; says the key, what came and what is wanted."""
+    """A parameter has an invalid value; gives the key, the value and what is wanted."""
 
 
 def parameter(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a base was in the last moments, so that what it saw meanwhile is put in one place."""
+"""The recent poses of a base, for measurements at different times."""
 
 from collections import deque
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulator and a controller tell each other: readings, commands, the base's state."""
+"""Records between simulator and controller: readings, commands, the base's state."""
 
 import math
 from typing import NamedTuple
@@ -54,7 +54,7 @@ class BaseState(NamedTuple):
 
 class BaseOdometry(NamedTuple):
     """
-    Where a robot believes its base to be.
+    A robot's estimate of its base.
 
     `position` [m] in odom, `orientation` (w, x, y, z) base to odom; `linear_velocity` [m/s] and
     `angular_velocity` [rad/s] in base axes. Covariances are (6, 6): xyz then rotation about xyz.
@@ -86,7 +86,7 @@ class ImuReading(NamedTuple):
 
 class Senses(NamedTuple):
     """
-    What a robot knows of itself, as a walker is told it; joints in the walker's order, (n,).
+    The input of a walker: the robot's own readings; joints in the walker's order, (n,).
 
     `orientation` is a quaternion w, x, y, z from base to world; velocities of the base are in its
     own axes [m/s], [rad/s]; joints [rad], [rad/s].
@@ -100,7 +100,7 @@ class Senses(NamedTuple):
 
 
 class JointTargets(NamedTuple):
-    """Where joints are to be [rad] and with which gains [N m/rad], [N m s/rad]; (n,) each."""
+    """Joint targets [rad] and gains [N m/rad], [N m s/rad]; (n,) each."""
 
     position: np.ndarray
     stiffness: np.ndarray

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter definitions as ROS has them: declared on a node, described for ROS' tools."""
+"""ROS parameters: declares definitions on a node, with descriptions for ROS tools."""
 
 import array
 from collections.abc import Callable, Mapping, Sequence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that strangers wrote: of a bounded size, XML whose elements know their line."""
+"""Reads untrusted files: of bounded size, XML with line numbers."""
 
 import errno
 import os

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What Fast DDS finds in shared memory, and what it leaves there.
+Checks and cleans Fast DDS's files in shared memory.
 
 A killed process leaves half a megabyte in shared memory each time. A participant holds a lock on
 `fastrtps_ID_el` as long as it lives, and the system releases it however the process ends. Fast

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The signals that end or suspend a process, and the orderly way out that they ask for."""
+"""The signals that end or suspend a process, and an orderly shutdown."""
 
 import atexit
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The dead man's switch: what tells that a key is held, and what counts time and reads no clock.
+The dead man's switch: signs of held keys, and timers that read no clock.
 
 The name of a key on `keys` is a press of it. Where a keyboard tells more, `HELD+w` says that w is
 (still) down and that its end will be told, and `RELEASE+w` is that end; who cares for presses
@@ -45,7 +45,7 @@ def is_press(key: str) -> bool:
 
 class Watchdog:
     """
-    Knows how long ago a source was last heard, and whether it still counts.
+    The time since a source was last heard, and whether it still counts.
 
     It reads no clock: `step` is told what has really passed [s], however much that is, so a
     stopped process that goes on, a slow topic or a coarse period cannot stretch the time-out.
@@ -81,7 +81,7 @@ READING_TIME = 3.0
 
 class Notice:
     """
-    The last thing said to a driver, until it is old.
+    The last remark to the user, until it is old.
 
     It reads no clock: `step` is told what has passed [s]. A text begins with what is to be done;
     what explains it stands in parentheses at the end, and is left out first (`brief`).
@@ -142,7 +142,7 @@ AFTERMATH = 10.0
 
 class Absence:
     """
-    Knows when this process last stood still, and whether a message was sent before it went on.
+    The last pause of this process, and whether a message was sent before its end.
 
     A Twist has no stamp: out of a queue that waited for a stopped process it looks like new. The
     middleware tells when it was sent, by the clock of its sender. How far that clock is off is

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the two ends of a topic have here beyond rclpy's: quality of service, who listens or has gone.
+Additions to rclpy's topics: quality of service, subscribers, lost publishers.
 
 Publishers offer the most, subscribers ask for the least. So every ROS tool gets every topic
 whatever it asks for, and a sensor's consumer never waits for a lost message. That is REP 2003 for

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cockpit has to know of a robot, whatever it walks or rolls on."""
+"""The cockpit's view of a robot with legs or wheels."""

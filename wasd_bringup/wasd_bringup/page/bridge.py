@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between a run and the page: makes snapshots of the run, does what the page orders."""
+"""Connects a run and the page: makes snapshots of the run, carries out the page's orders."""
 
 import dataclasses
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot whose joints a policy moves in the cockpit: states and hoist as buttons."""
+"""The cockpit's view of a robot with a joint policy: buttons for states and hoist."""
 
 from policy_player.joint_controller import State
 from wasd_cockpit.link import StickUse

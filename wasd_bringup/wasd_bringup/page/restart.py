@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A run that the page starts again with another robot or in another world.
+Restarts a run from the page with another robot or world.
 
 A world is compiled into the model that everything holds. So the run ends as it always does, and
 its process becomes that of a new one on the same terminal and port, and the page comes back. If
@@ -33,7 +33,7 @@ _MARK = 'WASD_ANEW'
 
 
 class Restart:
-    """What a run may start again with; `wanted` are the words of the one that was asked for."""
+    """The choices for a restart; `wanted` are the words of the requested one."""
 
     def __init__(self, options: RunOptions) -> None:
         """Take what the run was started with."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cockpit has to know of a robot, whatever it walks or rolls on."""
+"""The cockpit's view of a robot with legs or wheels."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple

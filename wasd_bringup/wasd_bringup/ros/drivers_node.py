@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who drives a robot, on ROS: the topic `driver`, and an e-stop by topic or service."""
+"""The node for drivers: the topic `driver`, and an e-stop by topic or service."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ from wasd_bringup.run.drivers import DriverState
 
 class DriversNode(Node):
     """
-    Tells on `driver` who drives one robot, and hands an e-stop on.
+    Publishes on `driver` who drives one robot, and passes an e-stop on.
 
     `on_stop(by)` is called for true on the topic `e_stop` and by the service `~/e_stop`,
     `on_release` by the service `~/release_e_stop`: false on a topic releases nothing.

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 class RosFace:
     """
-    One robot on ROS: what somebody listens to goes out, what comes in goes to its verbs.
+    One robot on ROS: publishes to subscribers, and passes messages to the robot.
 
     The nodes configure what the robot consists of by their parameters: simulator, controller,
     keys to velocities, state publisher, key publisher, drivers.

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The door of `--foxglove`: Foxglove and the programs of this machine pass, pages of others do not.
+The access check of `--foxglove`: for Foxglove and programs of this machine only.
 
 Foxglove's library serves everybody and tells nobody where a page is from. So it serves at an
 address of this machine that nobody can guess, and what may pass is led there.

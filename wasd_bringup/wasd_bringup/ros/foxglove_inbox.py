@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What Foxglove's clients send: velocities and keys, in force only while their sender is alive."""
+"""Messages of Foxglove's clients: velocities and keys count while their sender is alive."""
 
 from collections.abc import Callable, Iterator, Sequence
 import queue

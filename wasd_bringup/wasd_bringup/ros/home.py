@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run on ROS needs around it: its place among others, a recording, a server."""
+"""The surroundings of a run on ROS: its domain, a recording, a server."""
 
 from collections.abc import Iterator, Sequence
 import contextlib

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the launch files of the robots share: arguments, and the nodes around a controller.
+Shared parts of the launch files: arguments, and the nodes around a controller.
 
 Everything that a namespace should keep apart is renamed to a relative name: in the namespace
 `go2` the robot has a clock and a tree of frames of its own, /go2/clock and /go2/tf; `wasd` with

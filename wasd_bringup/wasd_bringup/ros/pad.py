@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--gamepad`: a pad drives the robot in turn."""
+"""`--gamepad`: a pad drives the selected robot."""
 
 from collections.abc import Callable, Sequence
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`wasd calibrate`: what the wheels really are, from squares driven both ways (UMBmark)."""
+"""`wasd calibrate`: estimates the wheels from squares driven both ways (UMBmark)."""
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
@@ -41,7 +41,7 @@ Velocity = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class SquareTest:
-    """What is driven: which robot, how large the squares are, how many each way."""
+    """The test: the robot, the size of the squares, and their number each way."""
 
     description: str = MBOT.description
     package_path: tuple[Path, ...] = ()
@@ -56,7 +56,7 @@ class SquareTest:
 
 
 class DrivenSquares(NamedTuple):
-    """The runs, and the geometry that odometry believed in."""
+    """The runs, and odometry's geometry."""
 
     runs: list[SquareRun]
     geometry: DiffDriveGeometry

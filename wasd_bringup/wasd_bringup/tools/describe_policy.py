@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`wasd describe policy FILE`: what a policy says, what is odd about it, and how it walks here."""
+"""`wasd describe policy FILE`: settings of a policy, its oddities, and a trial walk."""
 
 import argparse
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ LARGEST = 10.0
 
 class Trial(NamedTuple):
     """
-    How a policy walked: when it fell [s], what came out of each command, how rough its targets.
+    The result of a policy's walk: time of a fall [s], velocities, roughness of its targets.
 
     `shown` (2, width) are the least and the largest of each number shown.
     """

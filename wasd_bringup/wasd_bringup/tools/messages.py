@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages by what they say of their fields: as YAML and back."""
+"""Messages as YAML and back, by their field types."""
 
 from array import array
 from collections.abc import Callable, Mapping

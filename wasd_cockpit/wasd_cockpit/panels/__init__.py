@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What panels are drawn from, and what a panel is."""
+"""The base class of panels, and their data."""
 
 from wasd_cockpit.panels.page_panel import PagePanel, PageState
 

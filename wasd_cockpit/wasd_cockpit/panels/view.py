@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panels View and Eyes: how the scene is seen, and what the front of the robot sees."""
+"""The panels View and Eyes: camera and marks of the scene, and the robot's front view."""
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
