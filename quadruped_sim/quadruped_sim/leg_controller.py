@@ -53,6 +53,8 @@ _AT_REST = 0.1
 # A leg is sprawled whose thigh is farther than this from its folded angle; of a robot that stands
 # it is 0.7 away [rad].
 _SPRAWLED = 1.0
+# One that leans more than this cosine tells, on a leg that it fell on, folds first.
+_LEANING = 0.88
 
 
 class LegController:
@@ -296,7 +298,8 @@ class LegController:
         """
         Whether a straight way up may tip it over.
 
-        It lies with a foot above its trunk, at its hips, or with a thigh far from where it folds.
+        It lies with a foot above its trunk, at its hips, or with a thigh far from where it folds,
+        or leans on a leg.
         """
         if self.robot is None or self._machine.coming is not StateName.PASSIVE or self.obstacle:
             return False
@@ -304,7 +307,7 @@ class LegController:
         heights = self.robot.motion.position @ up
         apart = np.abs(self.robot.joint_position - self.model.folded_pose)[1::3]
         is_above = float(heights.max()) > float(hips[:, 2].mean() * up[2])
-        return is_above or float(apart.max()) > _SPRAWLED
+        return is_above or float(apart.max()) > _SPRAWLED or float(up[2]) < _LEANING
 
     def _meaning(self, key: str) -> str:
         """Return what a state's key stands for: a robot that has fallen must get up to stand."""

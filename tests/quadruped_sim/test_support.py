@@ -161,3 +161,19 @@ def test_key_1_at_speed_lowers_the_robot_and_does_not_tip_it(keys):
         dog.run(seconds)
     assert steepest(dog, 2.5) < 30.0
     assert dog.state == 'passive'
+
+
+@pytest.mark.slow
+def test_one_that_leans_on_a_leg_as_it_lies_folds_first_and_stands():
+    """Found by benchmarks/state_pairs.py: straight up it tipped over."""
+    dog = Go2(seed=1000)
+    for seconds, keys in ((0.2, '2'), (3.5, '8'), (2.5, 'w*5'), (0.5, 'SPACE'), (0.7, '1')):
+        dog.run(seconds)
+        press(dog, keys)
+    dog.run(3.0)
+    assert dog.state == 'passive'
+    assert math.degrees(np.abs(dog.truth.rpy[:2]).max()) > 28.0
+    dog.press('2')
+    dog.run(4.0)
+    assert dog.state == 'fixed stand'
+    assert dog.truth.position[2] > 0.3
