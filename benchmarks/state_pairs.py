@@ -31,11 +31,11 @@ STATES = tuple(state for state in StateName if state is not StateName.POLICY)
 KEY_OF = {state: key for key, state in STATE_KEYS.items()}
 DOCS = Path(__file__).resolve().parents[1] / 'docs'
 RESULT, PAGE = DOCS / 'state_pairs.json', DOCS / 'state_pairs.md'
-HEAD = """# From each state into each other
+HEAD = """# Transitions between all states
 
-`python benchmarks/state_pairs.py` writes this page: how often nothing fell, of how many tries,
-within {looked:g} s after the keys that lead from the state of the row to that of the column.
-States that end by themselves are left in their middle by the keys that may.
+`python benchmarks/state_pairs.py` writes this page: tries without a fall, of all tries, within
+{looked:g} s after the keys that lead from the row's state to the column's. If a state ends
+by itself, the keys interrupt it in the middle where they can.
 
 """
 
