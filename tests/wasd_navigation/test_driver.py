@@ -197,7 +197,7 @@ def test_a_goal_that_nobody_has_looked_at_is_refused() -> None:
     robot = wheels(grid)
     robot.driver.set_goal(np.array((4.7, 2.0, 0.0)))
     assert robot.run(0.2) == 'refused'
-    assert 'nobody has looked' in robot.driver.reason
+    assert 'is unknown' in robot.driver.reason
 
 
 def test_a_way_leads_through_what_nobody_has_looked_at_when_there_is_no_other() -> None:

@@ -97,7 +97,7 @@ def test_a_goal_beyond_the_map_is_driven_to_and_it_says_so(footprint) -> None:
     drive = Drive(Rooms(), footprint, goal)
     assert drive.run() == 'arrived'
     assert drive.off(goal) < 0.06
-    assert 'nobody has looked at (4.80, 1.00) yet: it goes to see' in drive.words
+    assert '(4.80, 1.00) is unknown: the robot drives there to look' in drive.words
 
 
 @SIZES

@@ -17,7 +17,7 @@ CELLS[:, 60:] = -1
     [
         (9.0, 0.0, 'outside the map'),
         (-1e300, 0.0, 'outside the map'),
-        (1.5, 0.0, 'nobody has looked'),
+        (1.5, 0.0, 'is unknown'),
     ],
 )
 def test_a_goal_that_is_not_on_the_map_is_refused_with_the_reason(x, y, words):

@@ -16,7 +16,7 @@ from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid, Scan, UNKNOWN
 from wasd_navigation.se2 import compose, inverse
 
-# While it looks for a way to where nobody has looked, it looks so often what it has seen [s].
+# While it searches for a way to unknown space, it checks the map at this period [s].
 LOOK_AROUND = 0.5
 # Odometry, or a lidar, that is silent for so long is gone [s].
 SILENCE = 0.5
@@ -65,7 +65,7 @@ class Navigator:
         self.locator = locator
         self.pilot = pilot
         self._explorer = explorer
-        self._is_searching = False  # for a way to where nobody has looked
+        self._is_searching = False  # for a way to unknown space
         self._searched = 0.0  # since it has looked what it has seen [s]
         self.goal: np.ndarray | None = None
         self.last_goal = NOWHERE  # that one, or the one before
@@ -102,7 +102,7 @@ class Navigator:
         if self.goal is None:
             return '' if self.outcome is None else self.outcome.reason
         if self._is_searching and not self.pilot.reason:
-            return f'looks for a way to ({self.goal[0]:.2f}, {self.goal[1]:.2f})'
+            return f'searches for a way to ({self.goal[0]:.2f}, {self.goal[1]:.2f})'
         return self._missing or self.pilot.reason
 
     @property
@@ -122,7 +122,7 @@ class Navigator:
 
     @property
     def is_mapping(self) -> bool:
-        """Whether its map grows, so that goals may be where nobody has looked yet."""
+        """Whether its map grows, so that goals may be in unknown space."""
         return bool(getattr(self.locator, 'grows', False))
 
     @property
@@ -241,7 +241,7 @@ class Navigator:
 
     def _searches(self, grid: Grid, pose: np.ndarray, dt: float) -> bool:
         """
-        Whether it goes on to look for a way to where nobody has looked.
+        Whether it continues to search for a way to unknown space.
 
         It does when the straightest way there, through the unknown, was none: it drives to one
         frontier after the other from which another may lead there, until the goal is seen.
@@ -276,13 +276,13 @@ class Navigator:
             self._is_searching = False
             self.pilot.cancel()
             x, y, _ = self.goal
-            why = f'no way leads to ({x:.2f}, {y:.2f}): all that it could look at is known'
+            why = f'no way leads to ({x:.2f}, {y:.2f}): no frontier is left'
             self._end(Outcome('failed', why))
             return True
         return stage is not None
 
     def _is_unknown(self, grid: Grid, goal: np.ndarray) -> bool:
-        """Whether nobody has looked at a goal on the map."""
+        """Whether a goal is in unknown space of the map."""
         if not np.isfinite(goal).all():
             return False
         cell = grid.to_cells(goal[None, :2])

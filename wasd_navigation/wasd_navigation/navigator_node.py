@@ -250,7 +250,7 @@ class NavigatorNode(Node):
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.navigation.begin_map()
-        response.success, response.message = True, 'the map begins anew'
+        response.success, response.message = True, 'a new map begins'
         return response
 
     def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

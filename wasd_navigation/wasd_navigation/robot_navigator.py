@@ -212,7 +212,7 @@ class RobotNavigator:
         self.senses.reset()
         self._stepped_at = None
 
-    def begin_map(self, why: str = 'the map begins anew') -> None:
+    def begin_map(self, why: str = 'a new map begins') -> None:
         """Stand and map from here, as if nothing had been seen."""
         self.stop(why)
         self.navigator.reset()

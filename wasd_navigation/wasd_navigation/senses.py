@@ -51,7 +51,7 @@ class Senses:
                 break
             frame, step = self._fixed[frame]
             pose = step @ pose
-        self.warn(f'scan waits: no way from {begin!r} to the base {base!r} on /tf_static')
+        self.warn(f'scan waits: no transform from {begin!r} to the base {base!r} on /tf_static')
         return None
 
     def age(self, now: float) -> float:

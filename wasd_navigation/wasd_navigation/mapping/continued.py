@@ -44,7 +44,7 @@ class ContinuedMapper(Mapper):
         """What there is to say, '' where all is well."""
         if self._finder is None:
             return super().notice
-        return self._finder.notice or 'looks for where it is in the map'
+        return self._finder.notice or 'searches for its place in the map'
 
     @property
     def pose(self) -> np.ndarray:

@@ -34,7 +34,7 @@ _WAITING = ': waiting'
 _SEEN_FOR = 3.0
 # So much more of the map that is known is as good as coming nearer to a goal that is not [m^2].
 _NEWS = 0.3
-# Recoveries in a row on the way to where nobody has looked.
+# Recoveries in a row on the way to unknown space.
 _UNSEEN = 2
 # So long it goes on to the goal before while the way to the next one is drawn [s].
 _BRIDGE = 1.0
@@ -98,7 +98,7 @@ class Driver:
         """
         Drive to a goal from the next step on, in place of any other.
 
-        One that `may_be_unknown` may be where nobody has looked: it goes to see.
+        With `may_be_unknown` it may be in unknown space: the robot drives there.
 
         One that drives goes on to the goal before while the way to this one is drawn, for a
         second at most: goals that come one after another do not make it stand.
@@ -278,12 +278,12 @@ class Driver:
         return self._sample(route, state, dt)
 
     def _to_look(self, goal: np.ndarray) -> str:
-        """Return in words that nobody has looked at a goal, '' where somebody has."""
+        """Return the remark on a goal in unknown space, '' for any other."""
         grid = self._around.whole_
         cell = grid.to_cells(goal[None, :2])
         if grid.covers(cell)[0] and grid.cells[tuple(cell[0])] != UNKNOWN:
             return ''
-        return f'nobody has looked at ({goal[0]:.2f}, {goal[1]:.2f}) yet: it goes to see'
+        return f'({goal[0]:.2f}, {goal[1]:.2f}) is unknown: the robot drives there to look'
 
     def _sample(self, route: Route, state: np.ndarray, dt: float) -> np.ndarray:
         """Return the velocity that leads along a route."""

@@ -42,7 +42,7 @@ class Route:
     good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `settle`
     looks whether the way is a long one; `is_settled` says that it need not look. `way`, shape
     (n, 3), are places and headings. `goal` is the pose nearest to the one that was `asked` for
-    where there is room: see `aim`. One that `may_be_unknown` may be where nobody has looked.
+    where there is room: see `aim`. With `may_be_unknown` it may be in unknown space.
     """
 
     def __init__(
@@ -305,7 +305,7 @@ def refusal(
         has = f'there are {room:.2f} m' if room >= 0.0 else f'and would overlap by {-room:.2f} m'
         return f'{place} {what}: the robot needs {needed:.2f} m around it, {has}'
     if around.is_unknown[tuple(cell[0])] and not may_be_unknown:
-        return f'nobody has looked at {place} yet: choose a place that the map shows as free'
+        return f'{place} is unknown: choose a free place of the map'
     return None
 
 

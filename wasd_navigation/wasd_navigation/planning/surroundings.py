@@ -249,7 +249,7 @@ class Surroundings:
 
     @property
     def is_unknown(self) -> np.ndarray:
-        """Which cells nobody has looked at, bool."""
+        """The unknown cells, bool."""
         assert self.grid is not None
         unknown: np.ndarray = self.grid.cells == UNKNOWN
         return unknown
