@@ -86,6 +86,7 @@ SERVICES = {
     'leg_controller ~/e_stop': 'make the legs passive at once',
     'drivers ~/e_stop': 'stop every robot of the run; with `--latched` until it is released',
     'drivers ~/release_e_stop': 'release a latched stop',
+    'navigator ~/explore': 'map all that the robot can reach, then return to the start',
     'navigator ~/save_map': 'write the map as the parameter `save_map`: .yaml, .pgm, .places.npz',
     'navigator ~/reset': 'begin a new map',
     'navigator ~/cancel': 'cancel the goal and those after it',

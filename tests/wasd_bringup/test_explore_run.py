@@ -4,8 +4,10 @@
 import math
 
 import pytest
+from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
+from wasd_cockpit.link import Order
 
 pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(240.0)]
 
@@ -21,21 +23,33 @@ ROOM = """<mujoco><worldbody>
 
 
 @pytest.fixture
-def run(tmp_path):
+def make(tmp_path):
+    """Return a function that makes a run in the room."""
     world = tmp_path / 'room.xml'
     world.write_text(ROOM)
-    options = RunOptions(
-        robot='mbot',
-        description='mbot',
-        preset='mbot',
-        world=str(world),
-        speed=0.0,
-        map='',
-        explore=True,
-    )
-    run = Run(options)
-    yield run
-    run.close()
+    runs = []
+
+    def make(**more) -> Run:
+        options = RunOptions(
+            robot='mbot',
+            description='mbot',
+            preset='mbot',
+            world=str(world),
+            speed=0.0,
+            map='',
+            **more,
+        )
+        runs.append(Run(options))
+        return runs[-1]
+
+    yield make
+    for run in runs:
+        run.close()
+
+
+@pytest.fixture
+def run(make):
+    return make(explore=True)
 
 
 def go_on(run, seconds):
@@ -63,3 +77,42 @@ def test_a_key_ends_it(run):
     go_on(run, 2.0)
     assert not unit.is_exploring
     assert unit.navigator.goal is None
+
+
+def test_the_page_begins_it_and_its_loss_ends_it(make):
+    run = make()
+    navigation = run.navigations[0]
+    go_on(run, 1.0)
+    assert navigation.view().no_exploring == ''
+    bridge = CockpitBridge(run)
+    bridge._link.order(Order('explore'))
+    bridge.step(0.0, 0.0)
+    bridge.close()
+    assert navigation.unit.is_exploring
+    assert navigation.view().no_exploring == 'it explores'
+    go_on(run, 2.0)
+    assert navigation.navigator.goal is not None
+    navigation.lose_page()
+    assert not navigation.unit.is_exploring
+    assert navigation.navigator.goal is None
+
+
+def test_a_patrol_goes_round_until_somebody_drives(make):
+    run = make(goals=((0.5, 0.3, math.nan), (0.0, 0.0, math.nan)), patrol=True)
+    navigation = run.navigations[0]
+    while len(navigation.report()['goals']) < 5 and run.world.time < 90.0:
+        go_on(run, 1.0)
+    goals = navigation.report()['goals']
+    assert [goal['state'] for goal in goals] == ['arrived'] * len(goals)
+    assert [goal['goal'][0] for goal in goals[:5]] == [0.5, 0.0, 0.5, 0.0, 0.5]
+    run.press('i')
+    go_on(run, 2.0)
+    assert navigation.navigator.goal is None
+
+
+def test_a_patrol_ends_where_no_goal_can_be_reached(make):
+    run = make(goals=((99.0, 0.0, 0.0), (0.0, 99.0, 0.0)), patrol=True)
+    go_on(run, 5.0)
+    navigation = run.navigations[0]
+    assert {goal['state'] for goal in navigation.report()['goals']} == {'refused'}
+    assert len(navigation.report()['goals']) == 3

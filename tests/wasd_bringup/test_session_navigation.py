@@ -404,6 +404,12 @@ def test_goals_and_a_name_to_save_ask_for_a_map(read):
     assert read('--save-map', 'house.yaml').save_map == 'house'
 
 
+def test_a_patrol_needs_goals(read):
+    with pytest.raises(UserError, match='--patrol goes round by goals'):
+        read('--patrol')
+    assert read('--patrol', '--goal', '1 2').patrol
+
+
 def test_a_session_goes_on_in_a_map_that_is_named(read, tmp_path):
     saved = tmp_path / 'house.yaml'
     saved.touch()

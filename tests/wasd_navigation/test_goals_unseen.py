@@ -123,6 +123,14 @@ def test_a_goal_behind_a_wall_without_a_door_is_refused_at_once(footprint) -> No
     assert drive.state[:2] == pytest.approx((1.0, 2.0))
 
 
+@SIZES
+def test_a_goal_in_a_wall_is_refused_at_once_whatever_may_be_behind_it(footprint) -> None:
+    drive = Drive(Rooms(), footprint, (1.0, -0.1, 0.0))
+    assert drive.run(2.0) == 'refused'
+    assert 'obstacle' in drive.navigator.reason
+    assert drive.state[:2] == pytest.approx((1.0, 2.0))
+
+
 def test_a_goal_outside_all_walls_fails_once_all_that_can_be_seen_is() -> None:
     drive = Drive(Rooms(), Footprint(radius=0.2), (9.0, 2.0, 0.0))
     assert drive.run() == 'failed'

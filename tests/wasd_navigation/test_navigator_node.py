@@ -222,6 +222,17 @@ def test_its_services_cancel_and_begin_anew(rig):
     assert rig.navigator.scans == 0
 
 
+def test_a_service_explores_where_a_map_grows(rig):
+    answer = call(rig.node, 'explore')
+    assert (answer.success, rig.navigation.is_exploring) == (False, False)
+    assert 'saved' in answer.message
+    rig.navigator.locator.grows = True
+    assert call(rig.node, 'explore').success
+    assert rig.navigation.is_exploring
+    assert call(rig.node, 'cancel').success is False  # no goal yet, but it explores no more
+    assert not rig.navigation.is_exploring
+
+
 def test_initialpose_is_for_who_has_a_map(rig):
     rig.node._on_initial_pose(located(1.0, 0.5))
     assert 'ignored' in rig.said[-1]

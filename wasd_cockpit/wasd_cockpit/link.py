@@ -191,7 +191,8 @@ class Navigation(NamedTuple):
     `cells` (rows, columns) are -1 where nothing is known, 0 free, to 100 occupied, each of a
     `resolution`; the corner of the first, lowest in x and y, is at `origin`. `number` is another
     one for another map. `pose` is where the robot believes to be, `path` (n, 2) the way to the
-    `goal`; `state` says in a word what it does, `reason` why.
+    `goal`; `state` says in a word what it does, `reason` why. `no_exploring` says why it cannot
+    explore now, '' where it can.
     """
 
     number: int
@@ -203,6 +204,7 @@ class Navigation(NamedTuple):
     goal: PlanarPose | None
     state: str
     reason: str
+    no_exploring: str = ''
 
 
 @dataclass(frozen=True, kw_only=True)

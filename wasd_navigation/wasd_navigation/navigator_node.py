@@ -79,6 +79,7 @@ class NavigatorNode(Node):
         self.create_service(Trigger, '~/save_map', self._on_save_map)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(Trigger, '~/cancel', self._on_cancel)
+        self.create_service(Trigger, '~/explore', self._on_explore)
         self._action = GoalAction(
             self, self.navigator, self._go_to, self.navigation.stop, self.navigation.stand
         )
@@ -256,6 +257,14 @@ class NavigatorNode(Node):
     def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self.navigation.stop('asked to')
         response.message = 'the robot stands' if response.success else 'there was no goal'
+        return response
+
+    def _on_explore(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            self.navigation.explore()
+            response.success, response.message = True, 'explores'
+        except UserError as error:
+            response.message = str(error)
         return response
 
     def _on_change(self, changed: NavigatorParameters) -> None:

@@ -157,7 +157,14 @@ class RobotNavigator:
         return self._explorer is not None
 
     def explore(self) -> None:
-        """Drive to where something is unknown, until nothing is that can be reached; then back."""
+        """
+        Drive to where something is unknown, until nothing is that can be reached; then back.
+
+        Raises:
+            UserError: its map does not grow.
+        """
+        if not self.navigator.is_mapping:
+            raise UserError('exploring makes a map: this one was saved, and stays as it is')
         self.stop('it explores from now on')
         self._explorer = Explorer(self.settings.footprint, self.settings.planning)
         self._is_homeward = self._has_begun = False

@@ -364,6 +364,11 @@ OPTIONS = (
         how={**REPEATABLE, 'metavar': '"X Y [YAW]"'},
     ),
     Option(
+        word='--patrol',
+        help='drive to the goals of --goal again and again',
+        how=FLAG,
+    ),
+    Option(
         word='--play',
         help='press scripted keys: lines "t key [key ...]"',
         field='keys',
@@ -589,6 +594,8 @@ def _untold(make: Callable[[], Any]) -> Any:
 
 
 def _check_navigation(options: RunOptions) -> None:
+    if options.patrol and not options.goals:
+        raise UserError('--patrol goes round by goals: wanted --goal "X Y [YAW]", more than once')
     if options.continues and not options.map:
         raise UserError('--continue goes on with a map: wanted --map FILE.yaml')
     if options.explore and options.map and not options.continues:

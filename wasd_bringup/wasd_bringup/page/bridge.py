@@ -201,7 +201,7 @@ class CockpitBridge:
         elif order.what == 'start':
             self.restart.want(*order.name.split(maxsplit=1))
             run.next_words = self.restart.wanted
-        elif order.what in ('goal', 'cancel goal', 'save map'):
+        elif order.what in ('goal', 'cancel goal', 'explore', 'save map'):
             self._navigate(order)
         elif order.what == 'choose':
             setting, _, option = order.name.partition('=')
@@ -219,7 +219,10 @@ class CockpitBridge:
             navigation.disarm()
         else:
             try:
-                navigation.save()
+                if order.what == 'explore':
+                    navigation.explore(from_page=True)
+                else:
+                    navigation.save()
             except UserError as error:
                 self._active.robot.say(str(error))
 

@@ -46,6 +46,8 @@ class NavigationDriver:
         self._explores = self._options.explore  # once the robot follows velocities
         self._has_begun = False  # with those; keys before make a robot ready for them
         self._is_of_page = False  # the goal that is driven to
+        self._explores_for_page = False
+        self._in_vain = 0  # goals in a row of a patrol that were not reached
         self._ended: list[dict[str, Any]] = []
         self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
         self.on_step: list[Callable[[float, float], None]] = []
@@ -89,9 +91,27 @@ class NavigationDriver:
         self.unit.go(np.array(goal))
         self._is_of_page = from_page and self.navigator.goal is not None
 
+    def explore(self, from_page: bool = False) -> None:
+        """
+        Map by itself; one `from_page` goes on while the page does.
+
+        Raises:
+            UserError: it drives in a saved map.
+        """
+        self._forget_goals()
+        self.unit.explore()
+        self._explores_for_page = from_page
+
+    @property
+    def no_exploring(self) -> str:
+        """Why it cannot explore now, '' where it can."""
+        if not self.navigator.is_mapping:
+            return 'the map was saved, and stays as it is'
+        return 'it explores' if self.unit.is_exploring else self.robot.refusal
+
     def lose_page(self) -> None:
         """End a goal that the page has asked for: nobody sees any more where it leads."""
-        if self._is_of_page:
+        if self._is_of_page or (self._explores_for_page and self.unit.is_exploring):
             self._stop('the page is gone')
 
     def leave(self) -> None:
@@ -113,7 +133,10 @@ class NavigationDriver:
         is_free = is_free and not self.unit.is_exploring
         if self._goals and is_free and self.navigator.is_placed:
             self._has_begun = True
-            self.go(self._goals.popleft())
+            goal = self._goals.popleft()
+            if self._options.patrol:
+                self._goals.append(goal)
+            self.go(goal)
         self.robot.mute(self.navigator.goal is not None)
         # As a stamp tells it, so that a navigator over topics computes the same.
         now = 1e-9 * round(1e9 * self.robot.world.time)
@@ -161,6 +184,7 @@ class NavigationDriver:
             goal=None if goal is None else PlanarPose(*goal.tolist()),
             state=navigator.state,
             reason=navigator.reason or navigator.notice,
+            no_exploring=self.no_exploring,
         )
 
     def report(self) -> dict[str, Any]:
@@ -215,6 +239,10 @@ class NavigationDriver:
         self._is_of_page = False
         if outcome.state == 'cancelled':
             self._goals.clear()
+        self._in_vain = 0 if outcome.state == 'arrived' else self._in_vain + 1
+        if self._options.patrol and self._in_vain > len(self._options.goals):
+            self._goals.clear()
+            self.robot.say('the patrol ends: the robot reached none of its goals in a round')
         self.robot.mute(False)
         goal, pose = self.navigator.last_goal, self.navigator.pose
         truth = self.robot.world.base_since_start()

@@ -82,6 +82,7 @@ class RunOptions:
     continues: bool = False  # whether that map is gone on with
     save_map: str | None = None  # without .yaml
     goals: tuple[Goal, ...] = ()
+    patrol: bool = False  # whether those come again after the last
     explore: bool = False  # whether the robot maps by itself, before its goals
     latched: bool = False  # whether an e-stop holds until it is released
     guard: bool = False  # whether no source drives into what the lidar sees

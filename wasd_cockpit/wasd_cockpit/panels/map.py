@@ -113,6 +113,7 @@ class Map:
         for what, refusal in (
             ('save map', ''),
             ('cancel goal', '' if navigation.goal else 'there is no goal'),
+            ('explore', navigation.no_exploring),
         ):
             imgui.SameLine(0.0, 8.0)
             if page.widgets.button(what, what, (0.0, 26.0), refusal=refusal):
