@@ -66,7 +66,7 @@ def test_a_script_of_a_line_hears_why_it_finds_no_module_there(trap):
         [sys.executable, '-c', 'import wasd, enum, yaml'], cwd=trap, capture_output=True, text=True
     )
     assert (done.returncode, len(done.stderr.splitlines())) == (0, 1)
-    assert 'modules of this folder are not imported' in done.stderr
+    assert 'ignores modules of this folder' in done.stderr
 
 
 def test_a_script_of_a_line_finds_modules_in_its_own_folder(tmp_path):

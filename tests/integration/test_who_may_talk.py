@@ -234,8 +234,8 @@ def test_a_command_finds_the_one_run_wherever_it_is_and_says_so_of_several(home:
     home.wait_for(ROS_DOMAIN_ID='1')
     said = home.wasd('echo', '--once', 'odom').stderr
     assert re.fullmatch(
-        r'this is about wasd mbot.* \(process \d+\) in domain 0; '
-        r'set ROS_DOMAIN_ID=1 for wasd mbot.* \(process \d+\)\n',
+        r'using wasd mbot.* \(process \d+\) in domain 0; '
+        r'for others set ROS_DOMAIN_ID=1 for wasd mbot.* \(process \d+\)\n',
         said,
     )
     in_domain_0 = re.search(r'process (\d+)', said)
@@ -254,7 +254,7 @@ def test_a_domain_of_the_users_is_kept_with_a_warning(home: Host) -> None:
     home.wait_for(ROS_DOMAIN_ID='7')
     _, errors = home.start(*words, '0.1', ROS_DOMAIN_ID='7').communicate(timeout=60.0)
     assert re.fullmatch(
-        r'wasd: domain 7 has another run, wasd mbot.* \(process \d+\), too: each may take keys '
-        r'and commands that are for the other\n',
+        r'wasd: domain 7 has another run, wasd mbot.* \(process \d+\), too: each may get keys '
+        r'and commands for the other\n',
         errors,
     )

@@ -217,7 +217,9 @@ def test_another_biped_is_held_and_moved_by_a_network_of_its_joints(run_of, tmp_
     from robot_description.packages import share_directory
 
     path = str(share_directory('bolt_description') / 'robots/bolt.urdf')
-    with pytest.raises(UserError, match=r'biped.*nothing here walks on two.*--policy FILE'):
+    with pytest.raises(
+        UserError, match=r'biped.*wasd has no controller of its own for two legs.*--policy FILE'
+    ):
         run_of(description=path)
     joints = tuple(joint.name for joint in load_robot(path).robot.movable_joints)
     run = run_of(description=path, policy=network(tmp_path, joints))

@@ -108,7 +108,7 @@ TEXTS = {
             '<xacro:macro name="m" params="n"><a><xacro:if value="${n}"><xacro:m n="${n-1}"/>'
             '</xacro:if></a></xacro:macro><xacro:m n="90"/>'
         ),
-        'it expands to what is wrong: elements nested more than 60 deep',
+        'its expansion has a mistake: elements nested more than 60 deep',
     ),
     'large attributes': (
         robot('<xacro:property name="a" value="${\'a\' * 10**7}"/>' + '<b c="${a}"/>' * 20),

@@ -142,7 +142,7 @@ def test_a_full_machine_is_said(domains):
     environment = {'ROS_LOCALHOST_ONLY': '1'}
     place, words = claim_domain(environment, ['/'], '')
     assert place is None
-    assert words.startswith('every domain has a run: this one talks to nobody')
+    assert words.startswith('every domain is taken: this run talks to nobody')
     # Nobody drives this robot, and it takes nothing that is for another.
     assert environment == {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
     for one in held:

@@ -18,10 +18,8 @@ def _leave_foreign_folder() -> None:
     reason = others_can_write(os.stat('.')) if sys.path[:1] == [''] else ''
     if reason:
         del sys.path[0]
-        cure = 'with PYTHONPATH=. they are'
-        print(
-            f'wasd: modules of this folder are not imported, it {reason}; {cure}', file=sys.stderr
-        )
+        cure = 'PYTHONPATH=. allows them'
+        print(f'wasd: ignores modules of this folder, which {reason}; {cure}', file=sys.stderr)
 
 
 # Before anything that is not loaded yet.

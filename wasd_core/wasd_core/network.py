@@ -253,8 +253,8 @@ def claim_domain(
         if place is not None:
             return place, ''
         return None, (
-            f'domain {wanted} has {_other_run(wanted)}, too: each may take keys and '
-            'commands that are for the other'
+            f'domain {wanted} has {_other_run(wanted)}, too: each may get keys and '
+            'commands for the other'
         )
     for domain in DOMAINS:
         place = claim(domain, namespaces)
@@ -268,7 +268,7 @@ def claim_domain(
             f'(to talk to it: {DOMAIN}={domain} {talk})'
         )
     set_range(environment, 'off')
-    return None, f'every domain has a run: this one talks to nobody ({DOMAIN}=N shares one)'
+    return None, f'every domain is taken: this run talks to nobody ({DOMAIN}=N shares one)'
 
 
 def _other_run(domain: int) -> str:
@@ -304,7 +304,7 @@ def join_domain(environment: MutableMapping[str, str]) -> str:
     if not others:
         return ''
     those = ', '.join(f'{DOMAIN}={run.domain} for {run}' for run in others)
-    return f'this is about {runs[0]} in domain {runs[0].domain}; set {those}'
+    return f'using {runs[0]} in domain {runs[0].domain}; for others set {those}'
 
 
 def namespaces_of(ros_arguments: Sequence[str]) -> list[str]:

@@ -172,7 +172,7 @@ def _check_beginning(path: Path) -> None:
         size += _beside_gltf(path)
     if size > LARGEST_FILE:
         most = f'{LARGEST_FILE / 1e6:.0f}'
-        raise ValueError(f'{path}: {size / 1e6:.0f} MB, at most {most} are read: thin it')
+        raise ValueError(f'{path}: {size / 1e6:.0f} MB, at most {most} are read: reduce it')
     if not size:
         raise ValueError(f'{path}: is empty')
     with open(path, 'rb') as file:
@@ -182,7 +182,7 @@ def _check_beginning(path: Path) -> None:
             raise ValueError(f'{path}: {what}')
     for beginning, suffix in BEGINNINGS.items():
         if head.startswith(beginning.lower()) and path.suffix.lower() != suffix:
-            raise ValueError(f'{path}: is a {suffix} file by what is in it: call it so')
+            raise ValueError(f'{path}: is a {suffix} file by its content: rename it')
 
 
 def _beside_gltf(path: Path) -> int:
@@ -213,7 +213,7 @@ def _read_mesh(path: Path) -> Mesh:
     if not len(faces):
         raise ValueError(f'{path}: no triangles in it')
     if not np.isfinite(vertices).all():
-        raise ValueError(f'{path}: some of its points are no numbers')
+        raise ValueError(f'{path}: some of its points are not numbers')
     return Mesh(vertices.astype(np.float32), faces.astype(np.int32))
 
 

@@ -57,7 +57,7 @@ def _opened(record: MeshRecord, shape: Shape, reach: float) -> MeshRecord:
     odd = _odd_size(edges, shape, reach)
     if GUESSED & {*record.kind.split('+')} and (odd or edges.max() > TIMES_GUESSED * reach > 0.0):
         size = ' x '.join(f'{edge:.3g}' for edge in edges)
-        note = f'it would be {size} m large, all else of the robot is within {reach:.2g} m'
+        note = f'it would be {size} m large, the rest of the robot is within {reach:.2g} m'
         candidates = (record.file,)
         return replace(
             record, kind=MISSING, file=None, candidates=candidates, note=note, better=None
@@ -96,7 +96,7 @@ def _odd_size(edges: np.ndarray, shape: Shape, reach: float) -> str:
         return ''
     told = f'it is {" x ".join(f"{edge:.3g}" for edge in edges)} m large'
     if reach:
-        told += f', all else of the robot is within {reach:.2g} m'
+        told += f', the rest of the robot is within {reach:.2g} m'
         if size * factor > TIMES * reach:
             return f'{told}: check its unit and scale'
     scale = ' '.join(f'{factor * each:g}' for each in shape.scale)

@@ -32,18 +32,18 @@ UNUSABLE = 'unusable'
 SIZE = 'size'
 # What was done to find a file, in words; several may come together, joined by '+'.
 REPAIRS = {
-    'own-package': 'of the package of the description, not of the one that the path names',
+    'own-package': "from the description's package, not from the one in the path",
     'namesake': 'of another package of that name',
     'foreign-package': 'belongs to another robot: package.xml does not name that package',
-    're-rooted': 'that path is of another machine, found in the package of the description',
+    're-rooted': "a path of another machine, found in the description's package",
     'package-root': 'not relative to the description, found relative to its package',
     'find-left': '$(find) was left in the text',
-    'percent-escape': 'percent signs were meant as escapes',
-    'backslash': 'backslashes were meant as slashes',
+    'percent-escape': 'percent signs are escapes',
+    'backslash': 'backslashes are slashes',
     'case': 'upper and lower case differ',
-    'extension': 'another file format is there',
+    'extension': 'found in another file format',
     'moved': 'found in another folder of the package',
-    'near-name': 'the only mesh not used otherwise whose name fits',
+    'near-name': 'the only unused mesh with a matching name',
 }
 
 ON_THE_WEB = 'nothing is downloaded: save it beside the description, and write its path'

@@ -22,7 +22,7 @@ ONE_PAIR = (
     'left_wheel_names, right_wheel_names in a --controller file of wasd mbot name one pair that '
     'drives it, the others slide'
 )
-HUMANOID = 'wasd g1 --description FILE --policy FILE has a network of yours do it, or ' + SIMULATE
+HUMANOID = 'wasd g1 --description FILE --policy FILE walks it with your network, or ' + SIMULATE
 # A chain of so many joints is an arm, or a leg.
 ARM_JOINTS, LEG_JOINTS = 3, 2
 FEWEST_PROPELLERS = 3
@@ -79,9 +79,9 @@ def _wheel_legged(wheels: list[Roller]) -> Kind:
 
 def _vehicle_cure(what: str) -> str:
     if 'steers' in what:
-        return f'no controller here steers wheels: {SIMULATE}'
+        return f'wasd has no controller that steers wheels: {SIMULATE}'
     if 'mecanum' in what:
-        return f'nothing here goes sideways on wheels; {ONE_PAIR}'
+        return f'wasd cannot drive wheels sideways; {ONE_PAIR}'
     return ONE_PAIR
 
 
@@ -91,20 +91,20 @@ def _standing(robot: Robot, rollers: list[Roller]) -> Kind:
     if len(propellers) >= FEWEST_PROPELLERS:
         return Kind(
             f'a drone ({", ".join(propellers)} are propellers)',
-            'nothing flies here: take a simulator with propellers, as Gazebo with PX4',
+            'wasd cannot fly: take a simulator with propellers, such as Gazebo with PX4',
         )
     legs, arms = ([] if rollers else _legs(robot)), _arms(robot)
     if len(legs) == 2:
         what = 'a humanoid' if len(arms) > 1 else 'a biped'
         return Kind(
             f'{what} (legs {legs[0]}, {legs[1]})',
-            f'nothing here walks on two by itself: {HUMANOID}',
+            f'wasd has no controller of its own for two legs: {HUMANOID}',
         )
     if len(legs) > 2:
         return Kind(f'a robot on {len(legs)} legs ({", ".join(legs)})', SIMULATE)
     if arms and not rollers:
         many = f'a robot of {len(arms)} arms' if len(arms) > 1 else 'an arm'
-        return Kind(f'{many} ({", ".join(arms)})', f'nothing here reaches: {SIMULATE}')
+        return Kind(f'{many} ({", ".join(arms)})', f'wasd has no controller for arms: {SIMULATE}')
     return Kind()
 
 

@@ -104,7 +104,7 @@ def _measure(robot: Robot, axis: np.ndarray, shape: Shape, pose: Pose) -> Tyre |
         return Tyre(pose.position, radius, length, shape.kind == 'cylinder' and along > EXACT)
     points = mesh_points(robot, shape) if shape.kind == 'mesh' else None
     if points is None:
-        what = f'mesh that is not to be had ({shape.url})' if shape.url else shape.kind
+        what = f'missing mesh ({shape.url})' if shape.url else shape.kind
         return f'has a {what}, nothing round; wheel_radius would say'
     return _measure_points(axis, points @ pose.rotation.T + pose.position)
 

@@ -68,7 +68,7 @@ def describe_document(document: minidom.Document, file: Path) -> dict[str, Any]:
         check_xml(urdf, file)
     except LocatedError as error:  # the line is one of what it makes
         raise LocatedError(
-            Place(file, 1), f'it expands to what is wrong: {error.reason}'
+            Place(file, 1), f'its expansion has a mistake: {error.reason}'
         ) from None
     return {'urdf': urdf, 'nodes': nodes}
 

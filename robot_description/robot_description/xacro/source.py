@@ -249,7 +249,7 @@ def tidy(data: bytes) -> Tidied:
         data = whole
     words = WORDS.match(data)
     if words and words[0].strip(b'\xef\xbb\xbf \t\r\n'):
-        notes.append('what stands before the first tag is passed over')
+        notes.append('text before the first tag is ignored')
         data = _blank(words[0]) + data[words.end() :]
     lead = LEAD.match(data)
     assert lead is not None
@@ -270,7 +270,7 @@ def tidy(data: bytes) -> Tidied:
         names = b''.join(b' xmlns:%s="urn:of:others"' % prefix for prefix in undeclared)
         data = data[: root.end()] + names + data[root.end() :]
         shown = ', '.join(prefix.decode() for prefix in undeclared)
-        notes.append(f"prefixes that are declared nowhere are taken as other programs': {shown}")
+        notes.append(f'undeclared prefixes are treated as those of other programs: {shown}')
     return Tidied(data, tuple(notes))
 
 

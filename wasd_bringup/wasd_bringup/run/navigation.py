@@ -76,7 +76,7 @@ class NavigationDriver:
         """The first line for the user."""
         is_known = self._options.map and not self._options.continues
         what = 'in a map' if is_known else 'maps'
-        of_several = ' the robot in turn, TAB the one it leaves' * bool(self.robot.world.prefix)
+        of_several = ' the selected robot, TAB the one it leaves' * bool(self.robot.world.prefix)
         begin = "click a goal on the page's Map, or send goal_pose"
         if self._goals and self.robot.refusal:
             begin = f'the goal waits: {self.robot.refusal.partition(":")[0]}'

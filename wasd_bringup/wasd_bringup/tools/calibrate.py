@@ -261,8 +261,8 @@ def report(
     return (
         f'{test.count} squares of {test.side:g} m, half of them each way',
         *lines,
-        'UMBmark knows only where squares end and is for errors of 1 or 2 %; least squares know',
-        'the whole path and are for any error. The multipliers are by least squares.',
+        'UMBmark uses only the ends of squares, for errors of 1 or 2 %; least squares use',
+        'the whole path, for any error. The multipliers are those of least squares.',
         f'largest return error: {1e3 * first.largest_error:.2f} mm as believed, '
         f'{1e3 * second.largest_error:.2f} mm corrected',
     )

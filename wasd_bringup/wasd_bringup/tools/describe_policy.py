@@ -154,8 +154,8 @@ def _told(trial: Trial) -> str:
     if trial.fell_at is not None:
         return f'it falls after {trial.fell_at:.1f} s'
     return (
-        f'told to stand it drifts at {trial.drift:.2f} m/s, told {SPEED:g} m/s it walks '
-        f'{trial.speed:.2f}, told {RATE:g} rad/s it turns {trial.rate:.2f}'
+        f'at zero command it drifts at {trial.drift:.2f} m/s, at {SPEED:g} m/s it walks '
+        f'{trial.speed:.2f}, at {RATE:g} rad/s it turns {trial.rate:.2f}'
     )
 
 
