@@ -180,11 +180,12 @@ class Passive(State):
         self._squatting = 0.0
 
     def go_down(self, robot: RobotState, is_stepping: bool) -> None:
-        """Squat before it is limp if it is up and moves, as a push or its steps make it."""
+        """Squat before it is limp if it is up and moves, or stands on fewer than four feet."""
         scale, base = self._parts.model.scale, robot.base
         speed, spin = (math.hypot(*rate.tolist()) for rate in (base.velocity, base.omega))
         moves = speed > _REST_SPEED * scale.of('m/s') or spin > _REST_SPIN * scale.of('rad/s')
-        if (moves or is_stepping) and is_up(self._parts.model, robot):
+        is_odd = moves or is_stepping or not robot.is_contact.all()
+        if is_odd and is_up(self._parts.model, robot):
             self._squatting = _SQUAT_TIME
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
