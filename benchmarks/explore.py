@@ -280,7 +280,8 @@ def _goals_unseen(flats: int, note: Callable[[str], None]) -> list[Row]:
         drives = [drive for seed in seeds for drive in drive_unseen(name, seed)]
         there = _there(drives)
         fresh = [drive for drive in drives if not drive['known']]
-        longer = [drive['way'] / drive['shortest'] for drive in fresh if _there([drive])[0]]
+        reached = [drive for drive in fresh if _there([drive])[0]]
+        longer = [drive['way'] / drive['shortest'] for drive in reached] or [math.nan]
         touched = sum(drive['gap'] <= 0.0 for drive in drives)
         rows.append(
             Row(
