@@ -10,6 +10,7 @@ the interface takes, how long a call takes, and how soon a program that starts h
 LowState.
 """
 
+from collections.abc import Callable
 import contextlib
 import json
 from pathlib import Path
@@ -29,8 +30,8 @@ from unitree_bridge.wire import Wire
 
 from unitree_bridge import topics
 
-# For how long the robot is alone before [s].
-ALONE = 10.0
+# For how long the robot is alone, and a program commands it, while CPU time is measured [s].
+ALONE, SERVED = 10.0, 20.0
 PROGRAMS = Path(__file__).parents[1] / 'tests/unitree_sdk_programs.py'
 TICK, ANSWERED = Layout(LOW_STATE).field('tick'), Layout(LOW_CMD).field('reserve')
 
@@ -39,7 +40,7 @@ class Share:
     """
     What the interface costs of a core: the bridge's steps, and all threads of Cyclone DDS.
 
-    What simulates beside it is not counted, nor is the thread that watches.
+    What simulates beside it is not counted.
     """
 
     def __init__(self, go2: SimulatedGo2) -> None:
@@ -53,9 +54,14 @@ class Share:
         self._step(dt)
         self._spent += time.thread_time() - began
 
-    def now(self, watching: float) -> float:
-        """Return the CPU time so far [s]; `watching` is that of the thread that watches."""
-        return self._spent + time.process_time() - time.thread_time() - watching
+    def of(self, run: Callable[[], object]) -> float:
+        """Return the share of a core while something runs."""
+        began, spent = time.perf_counter(), self._total()
+        run()
+        return (self._total() - spent) / (time.perf_counter() - began)
+
+    def _total(self) -> float:
+        return self._spent + time.process_time() - time.thread_time()
 
 
 class Watched:
@@ -67,7 +73,6 @@ class Watched:
         self.trips: list[float] = []
         self.ways: list[float] = []
         self._came, self._is_taken, self._is_over = 0.0, threading.Event(), False
-        self.watching = 0.0  # CPU time of the thread [s]
         threading.Thread(target=self._await, daemon=True).start()
 
     def _await(self) -> None:
@@ -80,7 +85,6 @@ class Watched:
                 self._came = time.perf_counter()
                 self._is_taken.clear()
                 self._is_taken.wait(0.1)
-            self.watching = time.thread_time()
 
     def close(self) -> None:
         """Be gone, as the wire is."""
@@ -135,26 +139,33 @@ def count(domain: int, seconds: float) -> None:
     wire.close()
 
 
+def say_share(domain: int) -> None:
+    """Print what the interface costs, alone and with a program, while nothing else is measured."""
+    go2 = SimulatedGo2(Scene(), open_wire(domain, 'lo', ALL_OUT, ALL_INTO), print)
+    share = Share(go2)
+    alone = share.of(lambda: go2.run(lambda: False, go2.world.time + ALONE))
+    served = share.of(lambda: serve(go2, domain, 'round_trip', str(SERVED)))
+    print(f'the interface: {served:.3f} of a core, {alone:.3f} while nobody listens')
+    go2.close()
+
+
 def main() -> None:
     """Simulate so long [s] and print what was measured."""
     seconds, domain = float((sys.argv[1:] or ['60'])[0]), int((sys.argv[2:] or ['0'])[0])
+    say_share(domain)
     wire = Watched(open_wire(domain, 'lo', ALL_OUT, ALL_INTO))
     go2 = SimulatedGo2(Scene(), wire, print)
-    share = Share(go2)
-    began, spent = time.perf_counter(), share.now(wire.watching)
-    go2.run(lambda: False, go2.world.time + ALONE)
-    alone = (share.now(wire.watching) - spent) / (time.perf_counter() - began)
-    began, spent, simulated = time.perf_counter(), share.now(wire.watching), go2.world.time
+    go2.run(lambda: False, go2.world.time + 1.0)
+    began, simulated = time.perf_counter(), go2.world.time
     with subprocess.Popen(
         [sys.executable, __file__, 'count', str(domain), str(seconds)], stdout=subprocess.PIPE
     ) as counter:
         seen = serve(go2, domain, 'round_trip', str(seconds))
         assert counter.stdout is not None
         came, lost = map(int, counter.stdout.read().split())
-    wall, spent = time.perf_counter() - began, share.now(wire.watching) - spent
+    wall = time.perf_counter() - began
     rate = (seen['heard'] + seen['missed'] - 1) / seen['seconds']
     print(f'real-time factor {(go2.world.time - simulated) / wall:.3f}')
-    print(f'the interface: {spent / wall:.3f} of a core, {alone:.3f} while nobody listens')
     print(f'LowStates: {rate:.2f} a second of wall time, {lost} of {came} lost on the way')
     print(f'... of which the SDK, whose reader has room for one, missed {seen["missed"]}')
     print(f'from a LowState until its command is here [ms]: {in_words(wire.ways)}')

@@ -43,6 +43,8 @@ MOVING = ('sport', 'obstacles_avoid')
 OUT = (*topics.OUT, *map(topics.response, (*SERVICES, f'{LEASED}_lease')))
 _REQUESTS = tuple(map(topics.request, (*SERVICES, f'{LEASED}_lease')))
 INTO = (*topics.IN, *_REQUESTS)
+# What comes now and then, looked for all at once.
+_ASKED = (topics.REMOTE, *_REQUESTS)
 
 
 class Bridge:
@@ -72,6 +74,7 @@ class Bridge:
         self.motion = Motion(robot, self._say)
         self._low_states, self._sport_states = LowStates(), SportStates()
         self._video = FrontVideo(robot, self._say)
+        self._wanted: list[FrontVideo | LidarTopics] = []
         self.services = self._make_services()
         self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
         self._sticks = Watchdog(_REMOTE_SILENCE)
@@ -119,8 +122,10 @@ class Bridge:
         self._tell(self._robot.time)
         if not self._is_answered or self._held_at != self._robot.time:
             self._take_command()
-        self.serve()
-        self._follow_remote(dt)
+        has_come = self._wire.has_come(_ASKED)
+        if has_come:
+            self._serve()
+        self._follow_remote(dt, has_come)
         if self.low.is_released and self._robot.state != StateName.PASSIVE:
             self._robot.let_go()
         self.motion.step(dt)
@@ -134,8 +139,10 @@ class Bridge:
 
     def serve(self) -> None:
         """Answer requests, also while simulated time stands still."""
-        if not self._wire.has_come(_REQUESTS):
-            return
+        if self._wire.has_come(_ASKED):
+            self._serve()
+
+    def _serve(self) -> None:
         for service in self.services:
             for raw in self._wire.take(topics.request(service.name)):
                 self._has_begun |= service.name in MOVING
@@ -180,7 +187,7 @@ class Bridge:
         self._told_at = time
         wire = self._wire
         if self._looks.is_due(time, LOOK_RATE):
-            wire.look()
+            self._look()
         wants_sport = self._sport_beat.is_due(time, SPORT_STATE_RATE)
         wants_low = self._low_beat.is_due(time, LOW_STATE_RATE) and wire.is_heard(topics.LOW_STATE)
         wants_sport_state = wants_sport and wire.is_heard(topics.SPORT_MODE_STATE)
@@ -193,9 +200,18 @@ class Bridge:
                 wire.publish(topics.SPORT_MODE_STATE, raw)
         if wants_sport and wire.is_heard(topics.REMOTE):
             wire.publish(topics.REMOTE, self._robot.remote.message())
-        self._video.step(wire)
+        for slow in self._wanted:
+            slow.step(wire)
+
+    def _look(self) -> None:
+        """Find out who listens, and so what else is to be told in each instant."""
+        wire = self._wire
+        wire.look()
+        self._wanted = [self._video] if wire.is_heard(topics.VIDEO) else []
         if self._lidar is not None:
-            self._lidar.step(wire)
+            self._lidar.take_switch(wire)
+            if any(map(wire.is_heard, topics.LIDAR_OUT)):
+                self._wanted.append(self._lidar)
 
     def _tell_low_state(self, time: float, senses: Senses) -> None:
         if self._wire.is_heard(topics.LOW_STATE):
@@ -222,7 +238,7 @@ class Bridge:
             return True
         if not self._has_begun:
             # Who has come meanwhile has not heard of this instant.
-            self._wire.look()
+            self._look()
             self._tell_low_state(now, self._robot.senses())
             return False
         self._held += HOLD
@@ -232,11 +248,11 @@ class Bridge:
         self._answers = False
         return True
 
-    def _follow_remote(self, dt: float) -> None:
+    def _follow_remote(self, dt: float, has_come: bool) -> None:
         """Drive as a program says by wirelesscontroller that a hand does."""
         was_held = self._sticks.is_alive
         self._sticks.step(dt)
-        for raw in self._wire.take(topics.REMOTE):
+        for raw in self._wire.take(topics.REMOTE) if has_come else ():
             try:
                 self._take_remote(read_remote(raw))
             except InvalidMessage as error:

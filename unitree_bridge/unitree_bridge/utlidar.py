@@ -98,16 +98,19 @@ class LidarTopics:
         return deskewed
 
     def step(self, wire: Wire) -> None:
-        """Take the switch, and tell what is due."""
+        """Tell what is due."""
         self._wire = wire
         self._follow_base()
-        for raw in wire.take(topics.LIDAR_SWITCH):
-            self._switch(raw)
         for topic, beat, rate, make in self._regular:
             if beat.is_due(self._robot.time, rate) and self.is_on and wire.is_heard(topic):
                 told = make()
                 if told is not None:
                     wire.publish(topic, told)
+
+    def take_switch(self, wire: Wire) -> None:
+        """Take what has come to the switch."""
+        for raw in wire.take(topics.LIDAR_SWITCH):
+            self._switch(raw)
 
     def _follow_base(self) -> None:
         """Note where the base is, for what is told of clouds."""
