@@ -180,11 +180,17 @@ class Episode:
                 if dog.state != 'move base' or dog.truth.tilt > LOST:
                     return drove, True
                 if push_at < 0.0:
-                    angle = rng.uniform(-np.pi, np.pi)
-                    size = self._hard * rng.uniform(60.0, 240.0)
-                    dog.push((size * np.cos(angle), size * np.sin(angle), 0.0), 0.1)
-                    push_at = rng.uniform(2.0, 6.0)
+                    size = self._hard * rng.uniform(60.0, 280.0)
+                    dog.push(size * self._direction(), 0.1)
+                    push_at = rng.uniform(1.5, 4.0)
         return drove, False
+
+    def _direction(self) -> np.ndarray:
+        """Return where to push, (3,): to a side in the dog's axes, or anywhere."""
+        rng, yaw = self.rng, float(self.dog.truth.rpy[2])
+        side = yaw + rng.choice((-0.5, 0.5)) * np.pi + rng.normal(scale=0.2)
+        angle = side if rng.uniform() < 0.6 else rng.uniform(-np.pi, np.pi)
+        return np.array((np.cos(angle), np.sin(angle), 0.0))
 
     def _command(self) -> tuple[float, float, float]:
         rng, kind = self.rng, self.rng.uniform()
