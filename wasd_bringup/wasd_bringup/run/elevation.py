@@ -31,8 +31,10 @@ class RobotElevation:
 
     def step(self) -> None:
         """Take where the robot believes to be now; to be called after each step of control."""
-        odometry = self._robot.odometry
-        if self.mapper is not None and odometry is not None and self._is_wanted():
+        if self.mapper is None or not self._is_wanted():
+            return
+        odometry = self._robot.odometry  # made when it is asked for
+        if odometry is not None:
             self.mapper.take_pose(self._robot.world.time, odometry)
 
     def _is_wanted(self) -> bool:
