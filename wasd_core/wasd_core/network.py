@@ -200,7 +200,7 @@ class Claim:
         self._listener.start()
 
     def close(self) -> None:
-        """Give the place back: whoever asks for it next, gets it."""
+        """Give the place back: the next run that asks gets it."""
         for one in self._sockets:
             with contextlib.suppress(OSError):  # not connected
                 one.shutdown(socket.SHUT_RDWR)  # which ends a thread that waits at it

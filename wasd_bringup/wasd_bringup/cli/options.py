@@ -318,7 +318,7 @@ OPTIONS = (
     ),
     Option(
         word='--guard',
-        help='slow down and stop before any obstacle that the lidar sees, whoever drives',
+        help='slow down and stop before any obstacle that the lidar sees, with any driver',
         how=FLAG,
     ),
     Option(

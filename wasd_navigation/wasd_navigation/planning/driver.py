@@ -375,7 +375,7 @@ class Driver:
         return False
 
     def _start_over(self) -> None:
-        """Count time without progress from now, whatever is left."""
+        """Count time without progress from now."""
         self._least_left, self._no_nearer, self._in_a_row = math.inf, 0.0, 0
 
     def _watch(self, left: float, dt: float) -> None:
