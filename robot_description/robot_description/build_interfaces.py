@@ -35,14 +35,15 @@ from wasd_core.network import is_sourced
 
 class Package(NamedTuple):
     """
-    A row of PACKAGES: a package with one interface, a file in its folder of `interfaces`.
+    A row of PACKAGES: a package with interfaces, files in its folder of `interfaces`.
 
-    `below` are the packages whose interfaces it is made of; without it there is no `use`. `check`
-    is Python that uses the interface and fails if that does not work.
+    What another of them is made of comes before it. `below` are the packages whose interfaces
+    they are made of; without the package there is no `use`. `check` is Python that uses the
+    interfaces and fails if that does not work.
     """
 
     name: str
-    interface: str
+    interfaces: tuple[str, ...]
     below: tuple[str, ...]
     use: str
     check: str
@@ -56,7 +57,7 @@ class Package(NamedTuple):
 PACKAGES = (
     Package(
         'tf2_msgs',
-        'msg/TFMessage.msg',
+        ('msg/TFMessage.msg',),
         ('builtin_interfaces', 'geometry_msgs', 'std_msgs'),
         '/tf',
         """
@@ -67,7 +68,11 @@ assert deserialize_message(serialize_message(TFMessage()), TFMessage) == TFMessa
     ),
     Package(
         'nav2_msgs',
-        'action/NavigateToPose.action',
+        (
+            'msg/MissedWaypoint.msg',
+            'action/FollowWaypoints.action',
+            'action/NavigateToPose.action',
+        ),
         (
             'action_msgs',
             'builtin_interfaces',
@@ -76,14 +81,15 @@ assert deserialize_message(serialize_message(TFMessage()), TFMessage) == TFMessa
             'std_msgs',
             'unique_identifier_msgs',
         ),
-        'navigate_to_pose',
+        'navigate_to_pose and follow_waypoints',
         """
-from nav2_msgs.action import NavigateToPose
+from nav2_msgs.action import FollowWaypoints, NavigateToPose
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.type_support import check_for_type_support
-check_for_type_support(NavigateToPose)
-goal = NavigateToPose.Impl.SendGoalService.Request()
-assert deserialize_message(serialize_message(goal), type(goal)) == goal
+for action in (FollowWaypoints, NavigateToPose):
+    check_for_type_support(action)
+    goal = action.Impl.SendGoalService.Request()
+    assert deserialize_message(serialize_message(goal), type(goal)) == goal
 """,
     ),
 )
@@ -91,9 +97,9 @@ PREFIX = Path(sys.prefix)
 HEADER = Path(sysconfig.get_path('include')) / 'Python.h'
 # The newest symbols of a platform that ROS' own wheels are built for, as auditwheel has them.
 MANYLINUX_2_28 = {'GLIBC': (2, 28), 'GLIBCXX': (3, 4, 24), 'CXXABI': (1, 3, 11)}
-DESCRIPTION_TEXT = """The package `tf2_msgs` of ROS 2 Jazzy and of `nav2_msgs` the action
-`NavigateToPose`, built by ROS' own generators for the wheels of rclpy. It is a part of
-`wasd-robots`.
+DESCRIPTION_TEXT = """The package `tf2_msgs` of ROS 2 Jazzy and of `nav2_msgs` the actions
+`NavigateToPose` and `FollowWaypoints`, built by ROS' own generators for the wheels of rclpy. It
+is a part of `wasd-robots`.
 """
 # What rmw_fastrtps asks for: the first to (de)serialise, the second to describe the type.
 TYPE_SUPPORTS = ['rosidl_typesupport_fastrtps_c', 'rosidl_typesupport_introspection_c']
@@ -118,7 +124,7 @@ RUNTIME = (
     'rosidl_typesupport_introspection_c',
 )
 # The wheel with all packages; raise the version when one of them changes.
-DISTRIBUTION, VERSION = 'wasd-interfaces', '0.1.0'
+DISTRIBUTION, VERSION = 'wasd-interfaces', '0.1.1'
 # What the installed package was made of; also the mark that it is ours.
 STAMP = 'made_of.txt'
 
@@ -156,17 +162,19 @@ def find_compiler() -> str:
 
 def generate(package: Package, made: Path) -> None:
     """Write each generator's output into `made/GENERATOR/PYTHON`, as rosidl's cmake does."""
-    name, source = package.name, Path(package.interface)
-    kind, interface = source.suffix[1:], source.with_suffix('').as_posix()
+    name, sources = package.name, list(map(Path, package.interfaces))
+    interfaces = [source.with_suffix('').as_posix() for source in sources]
     idl = made / 'idl' / name
-    convert = (f'rosidl_adapter.{kind}', f'convert_{kind}_to_idl')
-    _call(*convert, package.source, name, source, idl / kind)
+    for source in sources:
+        kind = source.suffix[1:]
+        convert = (f'rosidl_adapter.{kind}', f'convert_{kind}_to_idl')
+        _call(*convert, package.source, name, source, idl / kind)
 
     def run(generator: str, function: str, *arguments: Any, **settings: Any) -> None:
         templates, output = PREFIX / 'share' / generator / 'resource', made / generator / name
         settings |= {
             'package_name': name,
-            'idl_tuples': [f'{idl}:{interface}.idl'],
+            'idl_tuples': [f'{idl}:{interface}.idl' for interface in interfaces],
             'target_dependencies': [__file__],
             'template_dir': str(templates),
             'output_dir': str(output),
@@ -187,8 +195,11 @@ def generate(package: Package, made: Path) -> None:
     run(
         'rosidl_generator_c',
         'generate_c',
-        type_description_tuples=[f'{interface}.idl:{made / DESCRIPTION / name / interface}.json'],
-        ros_interface_files=[str(package.source / source)],
+        type_description_tuples=[
+            f'{interface}.idl:{made / DESCRIPTION / name / interface}.json'
+            for interface in interfaces
+        ],
+        ros_interface_files=[str(package.source / source) for source in sources],
     )
     run('rosidl_typesupport_fastrtps_c', 'generate_typesupport_fastrtps_c')
     run('rosidl_typesupport_introspection_c', 'generate_c')
@@ -231,10 +242,10 @@ def compile_libraries(package: Package, made: Path, compiler: str) -> None:
 
     def link(target: Path, sources: list[Path], run_path: str) -> None:
         origin = [f'-Wl,-rpath,{run_path}', f'-Wl,-soname,{target.name}', '-Wl,--as-needed']
-        # A C++ compiler takes a .c for C++ unless told.
+        # A C++ compiler takes a .c for C++ unless told, of each file anew.
         language = 'c' if sources[0].suffix == '.c' else 'c++'
-        paths = [str(source) for source in sources]
-        command = [*common, '-x', language, *paths, '-o', str(target), *origin, *done, *links]
+        paths = [word for source in sources for word in ('-x', language, str(source))]
+        command = [*common, *paths, '-o', str(target), *origin, *done, *links]
         result = subprocess.run(command, capture_output=True, text=True)
         if result.returncode:
             said = result.stderr.splitlines() or ['it does not say why']
@@ -313,7 +324,7 @@ def check(package: Package, made: Path) -> None:
 
 def install(package: Package, made: Path, place: Place) -> None:
     """Put libraries, interface files and index entries into place, and the package last."""
-    name, source = package.name, Path(package.interface)
+    name, sources = package.name, list(map(Path, package.interfaces))
     code, arriving = place.site / name, place.site / f'.{name}.new'
     shutil.rmtree(code, ignore_errors=True)
     for path in (made / 'lib').iterdir():
@@ -322,12 +333,14 @@ def install(package: Package, made: Path, place: Place) -> None:
     index = place.prefix / 'share/ament_index/resource_index'
     _put(package.source / 'package.xml', share / 'package.xml')
     for folder in (package.source, made / 'idl' / name, made / DESCRIPTION / name):
-        for path in folder.glob(f'{source.with_suffix("")}.*'):
-            _put(path, share / source.parent / path.name)
+        for source in sources:
+            for path in folder.glob(f'{source.with_suffix("")}.*'):
+                _put(path, share / source.parent / path.name)
     for kind in ('packages', 'rosidl_interfaces'):
         (index / kind).mkdir(parents=True, exist_ok=True)
     (index / 'packages' / name).touch()
-    (index / 'rosidl_interfaces' / name).write_text(f'{source.with_suffix(".idl")}\n{source}\n')
+    listed = [f'{source.with_suffix(".idl")}\n{source}\n' for source in sources]
+    (index / 'rosidl_interfaces' / name).write_text(''.join(listed))
     shutil.rmtree(arriving, ignore_errors=True)
     shutil.copytree(made / PYTHON / name, arriving, ignore=shutil.ignore_patterns('*.c'))
     (arriving / STAMP).write_text(fingerprint(package))
@@ -435,7 +448,7 @@ def _metadata() -> str:
         'Metadata-Version: 2.4',
         f'Name: {DISTRIBUTION}',
         f'Version: {VERSION}',
-        'Summary: tf2_msgs and the action navigate_to_pose, built for the wheels of ROS 2 Jazzy',
+        'Summary: tf2_msgs and two actions of nav2_msgs, built for the wheels of ROS 2 Jazzy',
         'Author: the wasd contributors',
         'License-Expression: Apache-2.0',
         'Classifier: Operating System :: POSIX :: Linux',

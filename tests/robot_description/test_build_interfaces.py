@@ -19,20 +19,30 @@ pytestmark = pytest.mark.slow
 # What `ros2 topic info -v /tf` shows on any ROS 2: the name of the type's exact layout.
 TYPE_HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 TF2_MSGS, NAV2_MSGS = build_interfaces.PACKAGES
-# The fields of Nav2's action for Jazzy (nav2_msgs 1.3); a later one has more feedback.
+# The fields of Nav2's actions for Jazzy (nav2_msgs 1.3); later ones have others.
 FIELDS = """
-from nav2_msgs.action import NavigateToPose
-for part in (NavigateToPose.Goal, NavigateToPose.Result, NavigateToPose.Feedback):
+from nav2_msgs.action import FollowWaypoints, NavigateToPose
+from nav2_msgs.msg import MissedWaypoint
+parts = [getattr(action, part) for action in (NavigateToPose, FollowWaypoints)
+         for part in ('Goal', 'Result', 'Feedback')]
+for part in (*parts, MissedWaypoint):
     print(*(f'{name}:{kind}' for name, kind in part.get_fields_and_field_types().items()))
 print(NavigateToPose.Result.NONE)
+result = FollowWaypoints.Result
+print(result.NONE, result.UNKNOWN, result.TASK_EXECUTOR_FAILED)
 """
-NAVIGATE_TO_POSE = [
+ACTIONS = [
     'pose:geometry_msgs/PoseStamped behavior_tree:string',
     'error_code:uint16 error_msg:string',
     'current_pose:geometry_msgs/PoseStamped navigation_time:builtin_interfaces/Duration '
     'estimated_time_remaining:builtin_interfaces/Duration number_of_recoveries:int16 '
     'distance_remaining:float',
+    'number_of_loops:uint32 goal_index:uint32 poses:sequence<geometry_msgs/PoseStamped>',
+    'missed_waypoints:sequence<nav2_msgs/MissedWaypoint> error_code:uint16 error_msg:string',
+    'current_waypoint:uint32',
+    'index:uint32 goal:geometry_msgs/PoseStamped error_code:uint16',
     '0',
+    '0 600 601',
 ]
 RESOURCES = Path(sys.prefix) / 'share/rosidl_generator_py/resource'
 COMPILERS = [name for name in ('g++', 'c++', 'clang++') if shutil.which(name)]
@@ -106,9 +116,10 @@ def test_what_is_built_is_ros_own_message_and_is_built_once(prefix, capfd):
     assert not [name for name in before if name.endswith(('.c', '.cpp', '.h', '.new'))]
     for name in ('tf2_msgs', 'nav2_msgs'):
         assert f'share/ament_index/resource_index/packages/{name}' in before
-    assert 'share/nav2_msgs/action/NavigateToPose.action' in before
+    for name in ('action/NavigateToPose', 'action/FollowWaypoints', 'msg/MissedWaypoint'):
+        assert f'share/nav2_msgs/{name}.json' in before
     used = prefix.run(FIELDS)
-    assert used.stdout.splitlines() == NAVIGATE_TO_POSE, used.stderr
+    assert used.stdout.splitlines() == ACTIONS, used.stderr
     # pip knows of it, as if it had come as a wheel, and could remove all of it.
     known = Distribution.at(next(prefix.site.glob('*.dist-info')))
     assert known.name == 'wasd-interfaces'
@@ -134,7 +145,7 @@ def test_the_wheel_brings_all_that_a_build_installs(prefix, tmp_path_factory, ca
     assert built <= by_pip
     prefix.site = site
     used = prefix.run(FIELDS)
-    assert used.stdout.splitlines() == NAVIGATE_TO_POSE, used.stderr
+    assert used.stdout.splitlines() == ACTIONS, used.stderr
 
 
 @can_build
@@ -180,7 +191,7 @@ def test_without_a_compiler_one_line_says_what_to_install(prefix, monkeypatch, c
     monkeypatch.setattr(build_interfaces, 'HEADER', header)
     assert build_interfaces.main() == 2
     said = capfd.readouterr().err
-    missing = 'no tf2_msgs, so no /tf; no nav2_msgs, so no navigate_to_pose'
+    missing = 'no tf2_msgs, so no /tf; no nav2_msgs, so no navigate_to_pose and follow_waypoints'
     assert said.startswith(f'error: {missing}: no C++ compiler')
     assert 'sudo apt install g++ python3-dev; then: ' in said
     assert said.endswith('python -m robot_description.build_interfaces\n')

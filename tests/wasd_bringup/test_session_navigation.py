@@ -171,7 +171,7 @@ def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of)
         navigates.lose_page()
 
     for end in (pause, fall, lose_page, session.simulation.reset):
-        navigates._goals.extend((GOAL, GOAL))
+        navigates._goals = (GOAL, GOAL)
         session.simulation.advance(400)
         assert wanted(session) > 0.0
         end()

@@ -2,75 +2,27 @@
 """The action of Nav2's clients: feedback, an end of each goal, cancel, preemption."""
 
 from action_msgs.msg import GoalStatus
-from navigation_stand_ins import odometry, scan, StandInLocator, StandInPilot
-import numpy as np
+import nav2_client
 import pytest
-from rclpy.action import ActionClient
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from wasd_navigation.goal_action import action_type
-from wasd_navigation.messages import to_pose_stamped
-from wasd_navigation.navigator_node import NavigatorNode
-from wasd_navigation.robot_navigator import RobotNavigator
+from wasd_navigation.actions import action_type
 
-NavigateToPose = action_type()
+NavigateToPose = action_type('NavigateToPose')
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(NavigateToPose is None, reason='nav2_msgs is not built'),
 ]
 
 
-class Client:
-    """Nav2's client, and the navigator in the same process."""
-
-    def __init__(self, spawn, spin_until):
-        parts = StandInLocator(), StandInPilot()
-        self.navigation = RobotNavigator(parts=parts)
-        self.navigator = spawn(NavigatorNode(self.navigation))
-        self.sent, self.feedback = [], []
-        self.navigation.send = lambda velocity: self.sent.append(velocity.tolist())
-        self.logic = self.navigator.navigator
-        self.logic.pilot.end = ('driving', '')
-        self.logic.move(odometry())
-        self.logic.see(scan(), odometry())
-        self._pump, self._spin_until = spawn.pump, spin_until
-        self._client = ActionClient(
-            spawn(Node('client')),
-            NavigateToPose,
-            'navigate_to_pose',
-            cancel_service_qos_profile=QoSProfile(depth=200),
-        )
-        self.wait(self._client.server_is_ready)
-
-    def wait(self, condition, step=None):
-        self._spin_until(self._pump, condition, step=step)
+class Client(nav2_client.Client):
+    """A client of navigate_to_pose."""
 
     def send(self, x, frame='map'):
-        """Return the handle of a goal that was accepted."""
-        pose = to_pose_stamped(np.array([x, 0.0, 0.0]), self._stamp, frame)
-        goal = NavigateToPose.Goal(pose=pose)
-        future = self._client.send_goal_async(goal, lambda sent: self.feedback.append(sent))
-        self.wait(future.done)
-        assert future.result().accepted
-        return future.result()
-
-    def result(self, handle):
-        """Return status and result of a goal."""
-        future = handle.get_result_async()
-        self.wait(future.done)
-        return future.result().status, future.result().result
-
-    def close(self):
-        self._client.destroy()
-
-    @property
-    def _stamp(self):
-        return self.navigator.get_clock().now().to_msg()
+        return super().send(pose=self.pose(x, frame))
 
 
 @pytest.fixture
 def client(spawn, spin_until):
-    made = Client(spawn, spin_until)
+    made = Client(spawn, spin_until, NavigateToPose, 'navigate_to_pose')
     yield made
     made.close()
 
@@ -93,7 +45,7 @@ def test_a_goal_is_driven_to_with_feedback_and_succeeds(client):
 
 def test_there_is_no_feedback_before_the_way_is_drawn(client):
     client.send(2.0)
-    action, pilot = client.navigator._action, client.logic.pilot
+    action, pilot = client.navigator._actions[0], client.logic.pilot
     sent, way = [], pilot.path
     action._handle.publish_feedback = sent.append
     pilot.path = way[:0]
@@ -106,7 +58,7 @@ def test_there_is_no_feedback_before_the_way_is_drawn(client):
 
 def test_feedback_comes_ten_times_a_second_of_its_clock(client):
     client.send(2.0)
-    action = client.navigator._action
+    action = client.navigator._actions[0]
     sent = []
     action._handle.publish_feedback = sent.append
     for tick in range(40):

@@ -69,7 +69,7 @@ def test_a_scan_waits_for_its_odometry_and_for_the_place_of_the_lidar(make):
     [('map', [1.0, 2.0]), ('', [1.0, 2.0]), ('odom', [1.0, 3.0]), ('base', [1.0, 3.0])],
 )
 def test_a_goal_may_be_given_in_any_frame_that_is_known(rig, frame, expected):
-    rig.node._go_to(goal_at(1.0, 2.0, 0.0, frame))
+    rig.node._on_goal(goal_at(1.0, 2.0, 0.0, frame))
     assert rig.navigator.goal[:2] == pytest.approx(expected)
 
 

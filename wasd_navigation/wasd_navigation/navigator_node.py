@@ -28,7 +28,7 @@ from wasd_core.topics import (
     TF_STATIC,
 )
 
-from wasd_navigation.goal_action import GoalAction
+from wasd_navigation.actions import FollowWaypoints, NavigateToPose
 from wasd_navigation.messages import from_pose, NavigationPublisher
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import read_covariance, to_planar
@@ -80,9 +80,8 @@ class NavigatorNode(Node):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(Trigger, '~/cancel', self._on_cancel)
         self.create_service(Trigger, '~/explore', self._on_explore)
-        self._action = GoalAction(
-            self, self.navigator, self._go_to, self.navigation.stop, self.navigation.stand
-        )
+        kinds = (NavigateToPose, FollowWaypoints)
+        self._actions = [kind(self, self.navigation, self.in_map) for kind in kinds]
         if navigation is None:
             self._stand_alone()
 
@@ -133,15 +132,17 @@ class NavigatorNode(Node):
         self._look_who_is_heard(dt)
         dated = now + self.settings.transform_tolerance
         self._publisher.publish(now, dated, self.navigation.odom_frame)
-        self._action.step(now, self.settings.map_frame)
+        for action in self._actions:
+            action.step(now, self.settings.map_frame)
 
     def close(self) -> None:
         """Leave the robot standing."""
         self.navigation.stop('the navigator ends')
 
     def destroy_node(self) -> None:
-        """Release the node, and the action's server."""
-        self._action.close()
+        """Release the node, and the actions' servers."""
+        for action in self._actions:
+            action.close()
         super().destroy_node()
 
     def _publish_velocity(self, velocity: np.ndarray) -> None:
@@ -177,12 +178,9 @@ class NavigatorNode(Node):
                 continue
             self.navigation.senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
 
-    def _go_to(self, message: PoseStamped) -> None:
-        self.navigation.go(self.in_map(message))
-
     def _on_goal(self, message: PoseStamped) -> None:
         try:
-            self._go_to(message)
+            self.navigation.go(self.in_map(message))
         except InvalidMessage as error:
             self.navigation.say(f'goal_pose: {error}: ignored')
 

@@ -18,6 +18,7 @@ from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts, make_pilot, Parts
 from wasd_navigation.records import Ranges, Scan
 from wasd_navigation.senses import Senses
+from wasd_navigation.waypoints import Waypoints
 
 # While it explores it looks so often whether it has seen enough on its way to a frontier [s].
 EXPLORE_PERIOD = 0.5
@@ -61,6 +62,7 @@ class RobotNavigator:
         self.senses.warn = lambda words: self.warn(words)
         self._notice = ''
         self._explorer: Explorer | None = None
+        self._waypoints: Waypoints | None = None
         self._home = np.zeros(3)  # where it began to explore
         self._explored = 0.0  # since it has looked for another frontier [s]
         self._stepped_at: float | None = None
@@ -133,6 +135,8 @@ class RobotNavigator:
             self.stop(why)
         if self._explorer is not None:
             self._explore(self._explorer, dt)
+        elif self._waypoints is not None and self.navigator.goal is None:
+            self._drive_on(self._waypoints)
         velocity = self.navigator.step(dt)
         if velocity is not None:
             self.send(velocity)
@@ -144,12 +148,55 @@ class RobotNavigator:
 
     def go(self, goal: np.ndarray) -> None:
         """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
-        refusal = ' and '.join(f'{lock} is on' for lock in sorted(self.locks)) or self.refusal()
-        if refusal:
+        if refusal := self._refusal:
             self.stop('another goal replaced it')
             self.navigator.refuse(refusal, goal)
         else:
+            self._explorer = None
+            self._end_waypoints(Outcome('cancelled', 'another goal replaced it'))
             self.navigator.set_goal(goal)
+
+    def refuse(self, why: str) -> None:
+        """End what it was doing, and take no other goal, because of something."""
+        self._explorer = None
+        self._end_waypoints(Outcome('cancelled', 'another goal replaced it'))
+        self.navigator.refuse(why)
+
+    @property
+    def _refusal(self) -> str:
+        """Why nothing can be driven to now, '' where it can."""
+        return ' and '.join(f'{lock} is on' for lock in sorted(self.locks)) or self.refusal()
+
+    def follow(self, waypoints: Waypoints) -> None:
+        """Drive to goals one after another, from now on."""
+        self._explorer = None
+        self._end_waypoints(Outcome('cancelled', 'another goal replaced it'))
+        if refusal := self._refusal:
+            self.stop('another goal replaced it')
+            self.navigator.refuse(refusal, waypoints.goal)
+            waypoints.tell(Outcome('refused', refusal))
+        else:
+            self.navigator.cancel('another goal replaced it')
+            self._waypoints = waypoints
+            self._drive_on(waypoints)
+
+    @property
+    def is_following(self) -> bool:
+        """Whether it drives to goals one after another."""
+        return self._waypoints is not None
+
+    def _drive_on(self, waypoints: Waypoints) -> None:
+        """Drive to the next waypoint."""
+        if refusal := self._refusal:
+            self._end_waypoints(Outcome('cancelled', refusal))
+        else:
+            self.navigator.set_goal(waypoints.goal)
+
+    def _end_waypoints(self, outcome: Outcome) -> None:
+        """Forget the waypoints that are left, and tell why."""
+        waypoints, self._waypoints = self._waypoints, None
+        if waypoints is not None:
+            waypoints.tell(outcome)
 
     @property
     def is_exploring(self) -> bool:
@@ -199,6 +246,7 @@ class RobotNavigator:
         """Cancel the goal and command standstill; return whether there was a goal."""
         self._explorer = None
         was_driving = self.navigator.cancel(why)
+        self._end_waypoints(Outcome('cancelled', why))
         if was_driving:
             self.stand()
         return was_driving
@@ -248,3 +296,5 @@ class RobotNavigator:
         if self.is_exploring and outcome.state == 'cancelled':
             return  # it has seen enough from afar
         self.say(': '.join(filter(None, (f'goal {outcome.state}', outcome.reason))))
+        if self._waypoints is not None and (end := self._waypoints.end(outcome)) is not None:
+            self._end_waypoints(end)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--map`: the navigator of a run, which drives the robot until another source does."""
 
-from collections import deque
 from collections.abc import Callable, Sequence
 import logging
 from typing import Any
@@ -12,6 +11,7 @@ from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.records import Grid
 from wasd_navigation.robot_navigator import RobotNavigator
+from wasd_navigation.waypoints import Waypoints
 
 from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.inputs import TWIST_RATE
@@ -42,12 +42,10 @@ class NavigationDriver:
         """
         self.robot = robot
         self._options = robot.options
-        self._goals = deque(self._options.goals)
+        self._goals = self._options.goals  # once the robot follows velocities
         self._explores = self._options.explore  # once the robot follows velocities
-        self._has_begun = False  # with those; keys before make a robot ready for them
         self._is_of_page = False  # the goal that is driven to
         self._explores_for_page = False
-        self._in_vain = 0  # goals in a row of a patrol that were not reached
         self._ended: list[dict[str, Any]] = []
         self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
         self.on_step: list[Callable[[float, float], None]] = []
@@ -58,7 +56,7 @@ class NavigationDriver:
         self.unit.send = self._send
         self.unit.say = robot.say
         self.unit.refusal = lambda: robot.refusal
-        robot.simulation.on_reset += [self._forget_goals, self.unit.reset]
+        robot.simulation.on_reset.append(self.unit.reset)
         robot.drivers.on_take.append(self._give_way)
         listen_to_lidar(robot, tag, self.unit.senses, self._tell_odometry)
 
@@ -98,7 +96,6 @@ class NavigationDriver:
         Raises:
             UserError: it drives in a saved map.
         """
-        self._forget_goals()
         self.unit.explore()
         self._explores_for_page = from_page
 
@@ -112,16 +109,16 @@ class NavigationDriver:
     def lose_page(self) -> None:
         """End a goal that the page has asked for: nobody sees any more where it leads."""
         if self._is_of_page or (self._explores_for_page and self.unit.is_exploring):
-            self._stop('the page is gone')
+            self.unit.stop('the page is gone')
 
     def leave(self) -> None:
         """End a goal when the keys go to another robot: none would end it then."""
-        self._stop('the keys go to another robot')
+        self.unit.stop('the keys go to another robot')
 
     def look(self) -> None:
         """End a goal when time is made to stand still."""
         if self.robot.simulation.paused:
-            self._stop('paused')
+            self.unit.stop('paused')
 
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
@@ -132,12 +129,10 @@ class NavigationDriver:
             self.unit.explore()
         is_free = is_free and not self.unit.is_exploring
         if self._goals and is_free and self.navigator.is_placed:
-            self._has_begun = True
-            goal = self._goals.popleft()
-            if self._options.patrol:
-                self._goals.append(goal)
-            self.go(goal)
-        self.robot.mute(self.navigator.goal is not None)
+            goals, self._goals = list(map(np.array, self._goals)), ()
+            rounds = None if self._options.patrol else 1
+            self.unit.follow(Waypoints(goals, rounds=rounds, tell=self._end_goals))
+        self.robot.mute(self.navigator.goal is not None or self.unit.is_following)
         # As a stamp tells it, so that a navigator over topics computes the same.
         now = 1e-9 * round(1e9 * self.robot.world.time)
         dt = self.unit.step(now)
@@ -147,7 +142,7 @@ class NavigationDriver:
 
     def disarm(self) -> None:
         """Drive no more."""
-        self._goals.clear()  # also before the first
+        self._goals = ()
         self._explores = False
         self.unit.stop('stopped by hand')
 
@@ -218,16 +213,11 @@ class NavigationDriver:
 
     def _give_way(self, taken: Take) -> None:
         if taken.source != SOURCE:
-            self._stop(f'{taken.what} takes over')
+            self.unit.stop(f'{taken.what} takes over')
 
-    def _stop(self, why: str) -> None:
-        """End the goal and those that were to follow, also in the time between two of them."""
-        self._forget_goals()
-        self.unit.stop(why)
-
-    def _forget_goals(self) -> None:
-        if self._has_begun:
-            self._goals.clear()
+    def _end_goals(self, outcome: Outcome) -> None:
+        if outcome.state == 'failed':
+            self.robot.say(f'the patrol ends: {outcome.reason}')
 
     def _tell_odometry(self) -> None:
         odometry = self.robot.odometry
@@ -237,12 +227,6 @@ class NavigationDriver:
 
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
-        if outcome.state == 'cancelled':
-            self._goals.clear()
-        self._in_vain = 0 if outcome.state == 'arrived' else self._in_vain + 1
-        if self._options.patrol and self._in_vain > len(self._options.goals):
-            self._goals.clear()
-            self.robot.say('the patrol ends: the robot reached none of its goals in a round')
         self.robot.mute(False)
         goal, pose = self.navigator.last_goal, self.navigator.pose
         truth = self.robot.world.base_since_start()
