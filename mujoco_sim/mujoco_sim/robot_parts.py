@@ -195,7 +195,7 @@ class Actuation:
         self._gains = model.actuator_biasprm[self._motors, 1:3]  # -kp, -kd
         self._force_range = model.actuator_forcerange[self._motors]
         self._effort = data.actuator_force[self._motors]
-        self._peak_effort = np.zeros(len(parts.motor_names))
+        self._peak_effort, self._unread = np.zeros((2, len(parts.motor_names)))
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
         stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
         self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
@@ -231,7 +231,7 @@ class Actuation:
     def begin_steps(self) -> None:
         """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
         if self._curve is not None:
-            self._follow(self._curve, np.zeros_like(self._peak_effort))
+            self._follow(self._curve, self._unread)
         if self._pushes:
             self._sum_pushes()
 

@@ -15,6 +15,8 @@ from wasd_core.jit import jit
 
 _T = TypeVar('_T', bound=tuple[Any, ...])
 Three = tuple[float, float, float]
+# One object for each layout: numba compares those of equal records field by field, at each call.
+_LAYOUTS: dict[np.dtype[Any], np.dtype[Any]] = {}
 
 
 if TYPE_CHECKING:
@@ -38,7 +40,8 @@ def flatten(record: Any) -> np.ndarray:
     writes into it: each array that numba is given takes 0.2 us, each that it returns 1 us and
     more. There, `base = robot[0].base` has the fields of the NamedTuple that was flattened.
     """
-    flat = np.zeros(1, _layout(record))
+    layout = _layout(record)
+    flat = np.zeros(1, _LAYOUTS.setdefault(layout, layout))
     _fill(flat, record)
     return flat
 

@@ -89,12 +89,22 @@ class RobotState:
 
     def height(self, radius: float) -> float:
         """Height of the base above the ground under its lowest foot, a ball of `radius` [m]."""
-        return radius - float((self.motion.position @ self.base.R[2]).min())
+        return radius - _lowest_foot(self.flat)
 
     @property
     def mass(self) -> float:
         """What the legs carry [kg], a load as it is felt among it."""
         return float(self.dynamics.mass[0, 0])
+
+
+@jit
+def _lowest_foot(robot: np.ndarray) -> float:
+    """How far the lowest foot of a flat `RobotState` is above its base [m]."""
+    R, feet = robot[0].base.R, robot[0].motion.position
+    lowest = math.inf
+    for i in range(4):
+        lowest = min(lowest, R[2, 0] * feet[i, 0] + R[2, 1] * feet[i, 1] + R[2, 2] * feet[i, 2])
+    return lowest
 
 
 @jit

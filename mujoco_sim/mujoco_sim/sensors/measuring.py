@@ -99,7 +99,8 @@ class Sensors:
         for index, (beat, one) in enumerate(zip(self._beats, self._sensors, strict=True)):
             before, is_due = beat.number, beat.is_due(now - self._start, one.rate)
             if one.turns:
-                self._turn(index, one, dt, (before, beat.number))
+                if is_due or cast(Turning, one.sensor).is_turning:
+                    self._turn(index, one, dt, (before, beat.number))
             elif is_due and (wanted := one.wanted()):
                 sensor = cast(Sensor, one.sensor)
                 _tell(now, sensor.measure(wanted, self._random(index, beat.number)), wanted)

@@ -47,7 +47,7 @@ class FrictionPyramids:
     """
 
     def __init__(self, friction: float, force_min: float, force_max: float) -> None:
-        self._friction = friction
+        self._friction = self._asked = friction
         self._force_min = force_min
         self._force_max = force_max
         self._cache: dict[int, ForceBounds] = {}
@@ -59,7 +59,9 @@ class FrictionPyramids:
 
     @friction.setter
     def friction(self, friction: float) -> None:
-        rounded = round(friction, 2)
+        if friction == self._asked:
+            return
+        self._asked, rounded = friction, round(friction, 2)
         if rounded != self._friction:
             self._friction = rounded
             self._cache.clear()
