@@ -44,7 +44,7 @@ class Picture(NamedTuple):
 
 
 PICTURES = (
-    Picture('cockpit', (1280, 720), ('tab eyes', 'pictures')),
+    Picture('cockpit', (1280, 720), ('tab eyes', 'picture')),
     Picture('cockpit_phone', (390, 844), ('tab drive',)),
 )
 

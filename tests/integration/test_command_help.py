@@ -4,9 +4,14 @@
 import json
 from pathlib import Path
 import re
+from typing import Any
 
+import numpy as np
+from PIL import Image
 import pytest
+from robot_description.mujoco import NO_RENDERER
 from wasd_bringup.cli import main
+from wasd_bringup.cli.demo import BACKGROUND, SCALE_HEIGHT
 from wasd_bringup.cli.main import DEMO
 from wasd_bringup.cli.parsers import examples_of
 from wasd_bringup.robots import BOTH, ROBOTS
@@ -43,6 +48,32 @@ def test_the_go2_of_the_demo_stands_jumps_walks_and_lies_down(tmp_path: Path) ->
     told = json.loads(report.read_text())
     assert told['falls'] == 0 or told['falls'] == [0]
     assert told['sim_time'] >= 45.0
+
+
+def test_the_demo_draws_the_climb_by_sight_and_its_elevation(wasd: Any, tmp_path: Path) -> None:
+    done = wasd('demo', '--only', 'go2_stairs', '--output', str(tmp_path), timeout=300)
+    assert done.returncode == 0, done.stderr
+    if NO_RENDERER not in done.stdout:
+        climb = np.asarray(Image.open(tmp_path / 'go2_stairs.png').convert('RGB'), float)
+        assert climb.shape == (720, 1280, 3)
+        assert climb.std() > 20.0
+    elevation = np.asarray(Image.open(tmp_path / 'go2_stairs_elevation.png').convert('RGB'))
+    # From behind to ahead the treads are higher, and so brighter; two metres ahead is nothing yet.
+    known = (elevation != BACKGROUND).any(axis=2)[: len(elevation) - SCALE_HEIGHT]
+    luminance = elevation[: len(known)] @ (0.2126, 0.7152, 0.0722)
+    means = [luminance[:, part][known[:, part]].mean() for part in np.split(np.arange(240), 6)]
+    assert (np.diff(means) > -1.0).all()
+    assert means[-1] > means[0] + 40.0
+    assert not known[:, -20:].any()
+    told = json.loads((tmp_path / 'demo.json').read_text())
+    assert [row['run'] for row in told] == ['Go2, --eyes: up stairs of 15 cm by sight']
+
+
+def test_the_demo_names_its_stops_where_none_is_meant(wasd: Any, tmp_path: Path) -> None:
+    done = wasd('demo', '--only', 'stars', '--output', str(tmp_path))
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1
+    assert 'go2_stairs' in done.stderr
 
 
 def test_its_help_has_three_examples(capsys: pytest.CaptureFixture[str]) -> None:

@@ -274,3 +274,28 @@ def test_the_page_shows_the_mode_that_drives(run_of, tmp_path, given, text, show
     run.look()
     (setting,) = run.bridge._link.snapshot.settings
     assert setting.chosen == shown
+
+
+def test_an_elevation_is_shown_only_while_the_page_looks_and_only_of_the_robot_in_turn(run_of):
+    run = run_of('go2', 'unitree', world='step:0.1')
+    robot, link = run.session.robot, run.bridge._link
+    run.look()
+    run.session.simulation.advance(300)
+    run.look()
+    assert link.snapshot.elevation is None
+    assert link.snapshot.no_elevation == ''
+    assert np.isnan(robot.elevation.mapper.elevation.heights()).all()  # nothing was measured
+    link.look()
+    run.session.simulation.advance(300)
+    run.look()
+    shown = link.snapshot.elevation
+    mapped = robot.elevation.mapper.elevation
+    assert shown.heights.shape == (mapped.count, mapped.count)
+    assert np.isfinite(shown.heights).sum() > 100
+    # The robot and its feet are over the middle of what is shown.
+    middle = np.array(shown.corner) + 0.5 * mapped.count * shown.resolution
+    assert np.hypot(shown.pose.x - middle[0], shown.pose.y - middle[1]) < 0.1
+    assert np.abs(shown.feet - middle).max() < 0.5
+    run.session.simulation.reset()
+    run.look()
+    assert link.snapshot.elevation is None

@@ -68,6 +68,26 @@ def scenario_the_stick_walks_in_trotting_and_letting_go_is_stop(page: Page) -> N
     assert column(page, Columns.COMMAND, page.session.world.time - 0.2)[1].max() == 0.0
 
 
+def scenario_the_elevation_is_mapped_while_it_is_shown(page: Page) -> None:
+    stand(page)
+    mapper = page.robot.elevation.mapper
+    page.click('tab eyes')
+    page.wait(0.3)
+    assert page.snapshot.elevation is None
+    assert np.isnan(mapper.elevation.heights()).all()
+    page.click('elevation')
+    page.show('shown elevation')
+    page.wait_until(lambda: np.isfinite(page.snapshot.elevation.heights).sum() > 1000, 'cells')
+    assert len(page.snapshot.elevation.feet) == 4
+    assert page.failed() == set()
+    desk = page.cockpit.page.layout.places[3].rect
+    assert page.rects['text highest'].right < desk.right
+    assert page.rects['elevation'].right < desk.right
+    page.click('elevation')
+    page.wait_until(lambda: page.snapshot.elevation is None, 'it is still mapped')
+    page.click('tab view')
+
+
 def scenario_whatever_a_spectator_sends_the_go2_walks_on(page: Page) -> None:
     controller = page.robot.legs.controller
     stand(page)

@@ -263,12 +263,24 @@ def scenario_pictures_come_when_they_are_wanted(page: Page) -> None:
     sight = page.cockpit.page.sight
     page.puppet.draw(10)
     assert sight.seen.picture is None
-    page.click('pictures')
-    page.show('picture')
+    page.click('picture')
+    page.show('shown picture')
     pixels = np.frombuffer(sight.seen.picture, dtype=np.uint8)
     assert pixels.size == 320 * 240 * 4
     assert pixels.std() > 10.0
-    page.click('pictures')
+    page.click('picture')
+    page.click('tab view')
+
+
+def scenario_a_robot_without_a_lidar_of_points_says_so_in_place_of_its_elevation(
+    page: Page,
+) -> None:
+    page.click('tab eyes')
+    page.click('elevation')  # grey
+    page.puppet.draw(10)
+    assert page.snapshot.no_elevation
+    assert page.snapshot.elevation is None
+    assert 'shown elevation' not in page.rects
     page.click('tab view')
 
 

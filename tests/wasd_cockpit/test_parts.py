@@ -9,8 +9,25 @@ import re
 import numpy as np
 import pytest
 from wasd_cockpit.cockpit import Cockpit, load_settings, save_settings, usual_path
+from wasd_cockpit.heights import (
+    height_colours,
+    height_scale,
+    HEIGHTS,
+    LEAST_SPAN,
+    paint_heights,
+    SCALE_STEP,
+)
 from wasd_cockpit.layout import Layout, PANELS, scene_rect
-from wasd_cockpit.link import History, Link, moved, Order, PlanarPose, Stick, STICK_PROOF
+from wasd_cockpit.link import (
+    ATTENTION,
+    History,
+    Link,
+    moved,
+    Order,
+    PlanarPose,
+    Stick,
+    STICK_PROOF,
+)
 from wasd_cockpit.panels.drive import DEAD_ZONE, deflection
 from wasd_cockpit.panels.map import FREE_GREY, grid_step, LEAST_GAP, paint_cells, REACHES, View
 from wasd_cockpit.panels.plots import MOST_POINTS, runs, thin
@@ -224,3 +241,50 @@ def test_points_move_with_the_thing_whose_pose_they_are_known_by():
     points = np.array([[1.0, 0.0], [0.0, 2.0]])
     there = moved(points, PlanarPose(1.0, 0.0, 0.0), PlanarPose(3.0, 1.0, math.pi / 2.0))
     assert there == pytest.approx(np.array([[3.0, 1.0], [1.0, 0.0]]))
+
+
+def test_an_elevation_is_looked_at_until_a_moment_after_the_page_said_so():
+    now = [0.0]
+    link = Link(lambda: now[0])
+    assert not link.is_looked_at
+    link.look()
+    now[0] += ATTENTION
+    assert link.is_looked_at
+    now[0] += 0.001
+    assert not link.is_looked_at
+
+
+def test_an_elevation_is_painted_with_y_up_and_without_what_is_unknown():
+    heights = np.array(((0.0, np.nan, 0.3), (0.5, 0.1, 0.2)))
+    picture = np.frombuffer(paint_heights(heights, 0.0, 0.5), np.uint8).reshape(2, 3, 4)
+    assert picture[..., 3].tolist() == [[255, 255, 255], [255, 0, 255]]
+    assert picture[1, 0, :3].tolist() == list(HEIGHTS[0])
+    assert picture[0, 0, :3].tolist() == list(HEIGHTS[-1])
+
+
+def test_higher_ground_is_brighter():
+    colours = height_colours(np.linspace(0.0, 1.0, 50), 0.0, 1.0)
+    brightness = colours @ (0.2126, 0.7152, 0.0722)
+    assert (np.diff(brightness) >= 0.0).all()
+    assert brightness[-1] > 3.0 * brightness[0]
+
+
+@pytest.mark.parametrize('steps', [0, 1, 3, 6])
+def test_the_scale_holds_all_heights_but_single_wrong_ones(steps):
+    random = np.random.default_rng(steps)
+    treads = 0.15 * random.integers(0, steps + 1, (100, 100))
+    treads[0, 0] = 0.15 * steps
+    heights = treads + random.normal(0.0, 0.005, treads.shape)
+    heights[random.random(heights.shape) < 0.5] = np.nan
+    heights[1, :5] = 7.0
+    low, high = height_scale(heights)
+    for end in (low, high):
+        assert math.isclose(end / SCALE_STEP, round(end / SCALE_STEP), abs_tol=1e-9)
+    assert -SCALE_STEP <= low <= 0.0 + 0.3 * SCALE_STEP
+    assert high - low >= LEAST_SPAN - 1e-9
+    assert 0.15 * steps - 0.3 * SCALE_STEP <= high <= max(0.15 * steps + SCALE_STEP, LEAST_SPAN)
+
+
+def test_an_elevation_of_which_nothing_is_known_has_a_scale():
+    low, high = height_scale(np.full((4, 4), np.nan))
+    assert low < high

@@ -21,10 +21,11 @@ from wasd_cockpit.layout import Layout, Place, TOUCH_SCALE
 from wasd_cockpit.link import Link, Order, words_of
 from wasd_cockpit.panels import PagePanel, PageState
 from wasd_cockpit.panels.drive import Drive, Keys, LEAST_SHARE
+from wasd_cockpit.panels.eyes import Eyes
 from wasd_cockpit.panels.map import Map
 from wasd_cockpit.panels.plots import PAGES, Plots
 from wasd_cockpit.panels.robot import RELEASE_LABEL, Robot, STOP_LABEL, World
-from wasd_cockpit.panels.view import Eyes, View
+from wasd_cockpit.panels.view import View
 from wasd_cockpit.scene import CAMERAS, OVERLAYS, Scene
 from wasd_cockpit.sight import Sight
 from wasd_cockpit.widgets import columns, Widgets

@@ -14,6 +14,8 @@ import numpy as np
 SPAN, RATE = 10.0, 50.0
 # A stick that is held counts for so long after the page last said so [s].
 STICK_PROOF = 0.3
+# What is looked at counts as such for so long after the page last said so [s].
+ATTENTION = 1.0
 # More orders than these at once are nobody's wish.
 MOST_ORDERS = 100
 # A force in the world's axes [N].
@@ -207,6 +209,25 @@ class Navigation(NamedTuple):
     no_exploring: str = ''
 
 
+class Elevation(NamedTuple):
+    """
+    The heights around the robot that it has mapped, in the frame of its odometry [m].
+
+    `heights` (rows along y, columns along x) are NaN where unknown, of cells of a `resolution`;
+    `corner` is the least x and y. `number` is another one for other heights. `pose` is where the
+    robot believes to be, `feet` (n, 2) where its feet are, `footholds` (n, 2) where those that
+    swing are to land.
+    """
+
+    number: int
+    heights: np.ndarray
+    resolution: float
+    corner: tuple[float, float]
+    pose: PlanarPose = PlanarPose()
+    feet: np.ndarray = np.empty((0, 2))
+    footholds: np.ndarray = np.empty((0, 2))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Marks:
     """
@@ -240,7 +261,8 @@ class Snapshot:
     fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the
     last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]. `body`, `qpos` and
     `mocap` (positions and quaternions of moving boxes, shape (n, 7)) are MuJoCo's, `mass` is the
-    robot's [kg]. `navigation` is None without a map.
+    robot's [kg]. `navigation` is None without a map. `elevation` is None while the page does not
+    look at it, `no_elevation` says why there is never one.
     """
 
     time: float
@@ -268,6 +290,8 @@ class Snapshot:
     start: Start
     mocap: np.ndarray
     navigation: Navigation | None = None
+    elevation: Elevation | None = None
+    no_elevation: str = ''
     stopped_by: str = ''  # the source of an e-stop that holds
 
 
@@ -314,6 +338,7 @@ class Link:
         self._clock = clock
         self._orders: deque[Order] = deque(maxlen=MOST_ORDERS)
         self._held = _Held(None, None, 0.0)
+        self._watched_until = -math.inf
         self.snapshot: Snapshot | None = None
 
     def order(self, order: Order) -> None:
@@ -323,6 +348,15 @@ class Link:
     def hold(self, stick: Stick | None, force: Force | None = None) -> None:
         """Say what is held, None what is not; by the page, in each frame."""
         self._held = _Held(stick, force, self._clock())
+
+    def look(self) -> None:
+        """Say that somebody looks at the elevation; by the page, in each frame."""
+        self._watched_until = self._clock() + ATTENTION
+
+    @property
+    def is_looked_at(self) -> bool:
+        """Whether somebody looks at the elevation."""
+        return self._clock() <= self._watched_until
 
     def take_orders(self) -> list[Order]:
         """Return what was asked for since the last call."""

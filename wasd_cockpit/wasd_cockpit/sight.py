@@ -16,7 +16,7 @@ import numpy as np
 from wasd_core.errors import SimulationError
 from wasd_core.rotations import Pose
 
-from wasd_cockpit.link import Snapshot
+from wasd_cockpit.link import ATTENTION, Snapshot
 
 SIZE = (320, 240)
 FIELD_OF_VIEW = math.radians(87.0)  # from left to right
@@ -26,8 +26,8 @@ DEEPEST = 6.0
 # The inset is so many times smaller.
 INSET = 3
 RAYS, LONGEST = 120, 12.0
-# So often [s of wall time], as long as somebody looks; nobody is asked for longer than that.
-PERIOD, ATTENTION = 0.2, 1.0
+# So often [s of wall time], as long as somebody looks.
+PERIOD = 0.2
 _LOG = logging.getLogger(__name__)
 
 

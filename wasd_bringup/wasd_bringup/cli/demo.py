@@ -14,11 +14,13 @@ import numpy as np
 from PIL import Image, ImageDraw
 from robot_description.mujoco import choose_renderer, NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
+from wasd_cockpit.heights import height_colours, height_scale, paint_heights
 from wasd_core.errors import one_line, UserError
 from wasd_core.output_file import OutputFile
 from wasd_core.signals import StopSignals
 
 from wasd_bringup.robots import GO2, MBOT, RobotRow
+from wasd_bringup.run.go2 import Go2
 from wasd_bringup.run.inputs import Goal, parse_push, parse_twist_script, ScriptedPush
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
@@ -35,6 +37,8 @@ MAP_SCALE = 4
 MAP_RIM = 10  # cells
 MAP_COLOURS = np.array(((205, 208, 212), (255, 255, 255), (30, 34, 40)), dtype=np.uint8)
 MAP_WAY, MAP_GOAL = (235, 115, 20), (30, 110, 220)
+# An elevation is drawn as on the page; below it a scale, so high [pixels].
+BACKGROUND, LIGHT, FEET, SCALE_HEIGHT = (17, 20, 26), (224, 229, 236), (255, 255, 255), 26
 SQUARE = '\n'.join(
     f'{7.0 * side} 0.25 0 0\n{7.0 * side + 4.0} 0 0 0\n'
     f'{7.0 * side + 4.5} 0 0 {math.pi / 4.0}\n{7.0 * side + 6.5} 0 0 0'
@@ -57,6 +61,7 @@ class Stop(NamedTuple):
     film: Viewpoint | None = None  # of the whole stop, seen along with the robot
     pushes: tuple[ScriptedPush, ...] = ()
     goals: tuple[Goal, ...] = ()  # of a navigator, which maps
+    eyes: bool = False  # whether it walks by sight; then its elevation is drawn, too
 
 
 TOUR = (
@@ -126,6 +131,17 @@ TOUR = (
         twist='3.2 0.5 0 0',
         viewpoint=Viewpoint((2.6, 0.0, 0.15), 3.0, 125.0, -22.0),
     ),
+    Stop(
+        'go2_stairs',
+        'Go2, --eyes: up stairs of 15 cm by sight',
+        7.6,
+        robot=GO2,
+        world='stairs:0.15',
+        keys='0.3 2\n2.8 5',
+        twist='3.2 0.4 0 0',
+        viewpoint=Viewpoint((1.7, 0.0, 0.45), 2.1, 60.0, -20.0),
+        eyes=True,
+    ),
 )
 # A strip shows so many instants of one gait period [s].
 STRIP_FRAMES = 6
@@ -144,13 +160,17 @@ class Result(NamedTuple):
     yaw_error_deg: float
 
 
-def demo_command(output: str) -> int:
+def demo_command(output: str, only: str = '') -> int:
     """
     Run the tour and write its pictures, `table.txt` and `demo.json` to a folder.
 
     Raises:
-        UserError: the folder cannot be made.
+        UserError: the folder cannot be made, or no stop's name has the text that it is to have.
     """
+    tour = [stop for stop in TOUR if only in stop.name]
+    if not tour:
+        names = ', '.join(stop.name for stop in TOUR)
+        raise UserError(f'--only {only}: no stop has that in its name; there are {names}')
     folder = Path(output)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -162,7 +182,7 @@ def demo_command(output: str) -> int:
         print(f'no pictures: {NO_RENDERER}')
     results = []
     with StopSignals() as signals:
-        for stop in TOUR:
+        for stop in tour:
             print(f'{stop.title} ...', flush=True)
             try:
                 results.append(_visit(stop, folder, pictures, signals))
@@ -191,6 +211,7 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         duration=stop.duration,
         map='' if stop.goals else None,
         goals=stop.goals,
+        eyes=stop.eyes,
         speed=0.0,
         samples=True,
     )
@@ -205,9 +226,13 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         report = run.report()
         if pictures and stop.viewpoint is not None:
             path = folder / f'{stop.name}.png'
-            take_picture(run.world, stop.viewpoint, path, _traces(report['samples']))
+            # Traces lie on the floor.
+            traces = () if stop.eyes else _traces(report['samples'])
+            take_picture(run.world, stop.viewpoint, path, traces)
         for navigation in run.navigations:
             draw_navigation(navigation, report, folder / f'{stop.name}_map.png')
+        if stop.eyes and isinstance(run.robot, Go2):
+            draw_elevation(run.robot, folder / f'{stop.name}_elevation.png')
         if pictures and stop.strip is not None:
             take_strip(run.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
         if pictures and stop.film is not None:
@@ -223,6 +248,48 @@ def draw_navigation(navigation: 'NavigationDriver', report: dict[str, Any], path
     way = np.array(report['samples']['position'])[::10, :2]
     goals = [goal['goal'] for goal in report['navigation']['goals']]
     draw_map(navigation.navigator.locator.grid, way, goals, path)
+
+
+def draw_elevation(robot: Go2, path: Path) -> None:
+    """
+    Write a picture of the heights that a robot has mapped around it, with its feet and a scale.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    mapper, legs = robot.elevation.mapper, robot.legs.controller.robot
+    assert mapper is not None
+    assert legs is not None
+    elevation, heights = mapper.elevation, mapper.elevation.heights()
+    low, high = height_scale(heights)
+    painted = np.frombuffer(paint_heights(heights, low, high), np.uint8)
+    side = MAP_SCALE * elevation.count
+    cells = Image.frombytes('RGBA', heights.shape, painted).resize(
+        (side, side), Image.Resampling.NEAREST
+    )
+    image = Image.new('RGB', (side, side + SCALE_HEIGHT), BACKGROUND)
+    image.paste(cells, (0, 0), cells)
+    drawing = ImageDraw.Draw(image)
+
+    def place(point: np.ndarray) -> tuple[float, float]:
+        column, row = (point - elevation.corner) / elevation.resolution * MAP_SCALE
+        return float(column), float(side - row)
+
+    front, rear = legs.feet[:2, :2].mean(axis=0), legs.feet[2:, :2].mean(axis=0)
+    ahead = (front - rear) / np.linalg.norm(front - rear)
+    aside = np.array((-ahead[1], ahead[0]))
+    head = (front + 0.15 * ahead, front + 0.05 * aside, front - 0.05 * aside)
+    drawing.line([place(front), place(rear)], fill=FEET, width=MAP_SCALE)
+    drawing.polygon([place(corner) for corner in head], fill=FEET)
+    for foot in legs.feet[:, :2]:
+        drawing.circle(place(foot), 1.5 * MAP_SCALE, fill=FEET, outline=BACKGROUND)
+    words, middle = (f'{low:+.1f} m', f'{high:+.1f} m'), side + SCALE_HEIGHT // 2
+    drawing.text((8, middle), words[0], LIGHT, anchor='lm')
+    drawing.text((side - 8, middle), words[1], LIGHT, anchor='rm')
+    scale = height_colours(np.linspace(low, high, side - 120), low, high)
+    bar = np.broadcast_to(scale, (8, *scale.shape))
+    image.paste(Image.fromarray(np.ascontiguousarray(bar)), (60, middle - 4))
+    image.save(path, optimize=True)
 
 
 def _known_part(grid: 'Grid') -> 'Grid':

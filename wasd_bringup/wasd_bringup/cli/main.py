@@ -77,6 +77,12 @@ def make_parser() -> argparse.ArgumentParser:
         metavar='DIR',
         help='folder of the pictures (default: wasd_demo)',
     )
+    demo.add_argument(
+        '--only',
+        default='',
+        metavar='TEXT',
+        help='visit the stops of the tour with this in their names (default: all)',
+    )
     keys = commands.add_parser('keys', help='list keymaps, or print one', allow_abbrev=False)
     keys.add_argument('preset', nargs='?', metavar='NAME|FILE', help='a preset, or your YAML file')
     keys.add_argument('--layout', choices=LAYOUTS, default='qwerty', help='keyboard')
@@ -212,7 +218,7 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         choose_renderer()  # before mujoco is imported
         from wasd_bringup.cli.demo import demo_command
 
-        return demo_command(arguments.output)
+        return demo_command(arguments.output, arguments.only)
     if arguments.command == 'calibrate':
         from wasd_bringup.tools.calibrate import calibrate_command
 

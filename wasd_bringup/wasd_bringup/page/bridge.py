@@ -2,6 +2,7 @@
 """Connects a run and the page: makes snapshots of the run, carries out the page's orders."""
 
 import dataclasses
+from functools import partial
 import math
 from typing import TYPE_CHECKING
 
@@ -119,6 +120,8 @@ class CockpitBridge:
             RobotHistory(robot, navigation)
             for robot, navigation in zip(run.robots, navigations, strict=True)
         ]
+        for watched in self._watched:
+            watched.view.map_while(partial(self._is_looked_at, watched))
         self._next = 0.0
         self._pressed: dict[str, float] = {}
         self._now = 0.0
@@ -230,6 +233,10 @@ class CockpitBridge:
     def _active(self) -> RobotHistory:
         return self._watched[self._run.active]
 
+    def _is_looked_at(self, watched: RobotHistory) -> bool:
+        """Whether the page looks at the elevation of this robot."""
+        return self._link.is_looked_at and watched is self._active
+
     def _release(self) -> None:
         """End, without waiting for a snapshot, what a hand no longer does to the robot in turn."""
         active, link = self._run.active, self._link
@@ -310,6 +317,8 @@ class CockpitBridge:
             start=self.restart.start,
             mocap=np.hstack((world.data.mocap_pos, world.data.mocap_quat)),
             navigation=navigation,
+            elevation=view.elevation() if self._link.is_looked_at else None,
+            no_elevation=view.no_elevation,
         )
 
 

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped in the cockpit: its states as buttons, the stick by the keys of its sticks."""
 
+from collections.abc import Callable
+import math
+
 import numpy as np
+from quadruped_sim.elevation import Elevation as ElevationMap
 from quadruped_sim.keys import (
     EYES_KEY,
     GAIT_KEYS,
@@ -14,11 +18,14 @@ from quadruped_sim.keys import (
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
-from wasd_cockpit.link import KeyCap, Marks, Setting, Stick, StickUse
-from wasd_core.rotations import matrix_from_quaternion
+from wasd_cockpit.link import Elevation, KeyCap, Marks, PlanarPose, Setting, Stick, StickUse
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 from wasd_bringup.page.robot_view import Motion, Numbers, RobotView
 from wasd_bringup.run.go2 import Go2
+
+# The page is shown the elevation five times a second: once in so many clouds.
+CLOUDS_EACH = 3
 
 
 class LegsView(RobotView):
@@ -28,6 +35,14 @@ class LegsView(RobotView):
         self._robot = robot
         self._controller = robot.legs.controller
         self.feet = LEGS
+        self._is_looked_at: Callable[[], bool] = lambda: False
+        # Of the map: clouds in it, the last one's time [s]; what the page was shown of it.
+        self._clouds, self._mapped_at = 0, math.inf
+        self._shown: Elevation | None = None
+        if robot.elevation.mapper is not None:
+            self.no_elevation = ''
+            robot.elevation.wanted_by.append(lambda: self._is_looked_at())
+            robot.elevation.on_map.append(self._count_cloud)
 
     def settings(self) -> tuple[Setting, ...]:
         """Return what is chosen."""
@@ -142,6 +157,35 @@ class LegsView(RobotView):
         aims = locomotion.swing_legs.aims[~locomotion.is_stance]
         # They are where the controller believes the ground to be; its error is the same as ours.
         return np.asarray((aims - robot.base.position) @ robot.base.R @ rotation.T + place)
+
+    def map_while(self, is_looked_at: Callable[[], bool]) -> None:
+        """Map the elevation while the page looks at it."""
+        self._is_looked_at = is_looked_at
+
+    def elevation(self) -> Elevation | None:
+        """Return the heights around it, and where its feet are and will be."""
+        controller, mapper = self._controller, self._robot.elevation.mapper
+        odometry, robot = controller.odometry, controller.robot
+        if self._mapped_at > self._robot.world.time:  # none, or from before a reset
+            self._shown = None
+        elif mapper and (self._shown is None or self._clouds >= self._shown.number + CLOUDS_EACH):
+            x, y = mapper.elevation.corner.tolist()
+            heights, resolution = mapper.elevation.heights(), mapper.elevation.resolution
+            self._shown = Elevation(self._clouds, heights, resolution, (x, y))
+        if self._shown is None or odometry is None or robot is None:
+            return None
+        x, y, _ = odometry.position.tolist()
+        yaw = float(rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2])
+        locomotion, aims = controller.locomotion, controller.locomotion.swing_legs.aims
+        is_landing = ~locomotion.is_stance & locomotion.gait.is_stepping
+        return self._shown._replace(
+            pose=PlanarPose(x, y, yaw),
+            feet=robot.feet[:, :2].copy(),
+            footholds=np.empty((0, 2)) if aims is None else aims[is_landing, :2],
+        )
+
+    def _count_cloud(self, elevation: ElevationMap, now: float) -> None:
+        self._clouds, self._mapped_at = self._clouds + 1, now
 
     @property
     def _drives_by_velocity(self) -> bool:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cockpit's view of a robot with legs or wheels."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from teleop_keyboard.keymap import direction_words, factor_words, Keymap, on_layout
-from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, StickUse
+from wasd_cockpit.link import Choice, Elevation, KeyCap, Marks, Order, Setting, Stick, StickUse
 
 from wasd_bringup.run.robot import Robot
 
@@ -26,6 +26,7 @@ class RobotView:
     """A robot's controller as the cockpit shows it; what it changes, it changes by keys."""
 
     feet: tuple[str, ...] = ()
+    no_elevation = 'this robot maps no elevation'  # why, '' where it does
 
     def __init__(self, robot: Robot) -> None:
         self._robot: Any = robot
@@ -80,6 +81,13 @@ class RobotView:
     def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
         """Return what is drawn beside a robot that is there [m], in the world's axes."""
         return Marks(place=place, rotation=rotation)
+
+    def map_while(self, is_looked_at: Callable[[], bool]) -> None:
+        """Take who says whether the page looks at the robot's elevation now."""
+
+    def elevation(self) -> Elevation | None:
+        """Return the heights that it has mapped around it; None before there are any."""
+        return None
 
     def _named(self, key: str) -> str:
         """Return what the driver's keyboard calls a key."""

@@ -64,6 +64,60 @@ def grid_step(scale: float) -> float:
     return next((step for step in GRID_STEPS if step * scale > LEAST_GAP), GRID_STEPS[-1])
 
 
+def paint_image(
+    texture: int,
+    corner: tuple[float, float],
+    size: tuple[float, float],
+    rect: Rect,
+    view: View,
+) -> None:
+    """Paint what is in sight of a picture, y up, of a part of the floor: its corner, size [m]."""
+    left, bottom = view.to_page(*corner)
+    right, top = view.to_page(corner[0] + size[0], corner[1] + size[1])
+    seen = Rect(
+        max(left, rect.left),
+        max(top, rect.top),
+        min(right, rect.right),
+        min(bottom, rect.bottom),
+    )
+    if seen.width <= 0.0 or seen.height <= 0.0:
+        return
+    shares = [
+        imgui.Vec2((px - left) / (right - left), (py - top) / (bottom - top))
+        for px, py in ((seen.left, seen.top), (seen.right, seen.bottom))
+    ]
+    imgui.SetCursorScreenPos(imgui.Vec2(seen.left, seen.top))
+    imgui.Image(texture, imgui.Vec2(seen.width, seen.height), *shares)
+
+
+def paint_grid(rect: Rect, view: View) -> None:
+    """Paint lines that are not too dense."""
+    drawing, line = imgui.GetWindowDrawList(), style.colour(style.LINE, 0.6)
+    step = grid_step(view.scale)
+    left, top = view.to_floor(rect.left, rect.top)
+    right, bottom = view.to_floor(rect.right, rect.bottom)
+    for number in range(math.ceil(left / step), math.floor(right / step) + 1):
+        x, _ = view.to_page(number * step, 0.0)
+        drawing.AddLine(imgui.Vec2(x, rect.top), imgui.Vec2(x, rect.bottom), line)
+    for number in range(math.ceil(bottom / step), math.floor(top / step) + 1):
+        _, y = view.to_page(0.0, number * step)
+        drawing.AddLine(imgui.Vec2(rect.left, y), imgui.Vec2(rect.right, y), line)
+
+
+def paint_robot(size: float, pose: PlanarPose, view: View) -> None:
+    """Paint an arrow as large as the robot, but one that is seen."""
+    size = max(size * view.scale, 9.0)
+    x, y = view.to_page(pose.x, pose.y)
+    corners = []
+    for turn, length in ((0.0, 1.0), (2.5, 0.8), (math.pi, 0.3), (-2.5, 0.8)):
+        angle = pose.yaw + turn
+        place = x + length * size * math.cos(angle), y - length * size * math.sin(angle)
+        corners.append(imgui.Vec2(*place))
+    drawing, fill = imgui.GetWindowDrawList(), style.colour(style.COMMAND)
+    drawing.AddTriangleFilled(corners[0], corners[1], corners[2], fill)
+    drawing.AddTriangleFilled(corners[0], corners[2], corners[3], fill)
+
+
 class Map:
     """Draws the floor from above."""
 
@@ -97,7 +151,7 @@ class Map:
         if navigation is not None:
             self._paint_map(page, navigation, rect, view)
             self._take_goal(page, view, is_held)
-        self._paint_grid(rect, view)
+        paint_grid(rect, view)
         points, trail = page.sight.seen.points, snapshot.trail
         if navigation is not None:
             points, trail = (moved(places, snapshot.pose, pose) for places in (points, trail))
@@ -105,7 +159,7 @@ class Map:
         self._paint_trail(trail, view)
         if navigation is not None:
             self._paint_way(navigation, view)
-        self._paint_robot(snapshot.marks.size, pose, view)
+        paint_robot(snapshot.marks.size, pose, view)
         imgui.PopClipRect()
 
     def _draw_orders(self, page: PageState, navigation: Navigation) -> None:
@@ -148,23 +202,8 @@ class Map:
             self._painted = navigation.number
             picture = paint_cells(navigation.cells)
             self._texture = page.viewer.upload_image(self._texture, picture, columns, rows, 4)
-        (x, y), cell = navigation.origin, navigation.resolution
-        left, bottom = view.to_page(x, y)
-        right, top = view.to_page(x + columns * cell, y + rows * cell)
-        seen = Rect(
-            max(left, rect.left),
-            max(top, rect.top),
-            min(right, rect.right),
-            min(bottom, rect.bottom),
-        )
-        if seen.width <= 0.0 or seen.height <= 0.0:
-            return
-        shares = [
-            imgui.Vec2((px - left) / (right - left), (py - top) / (bottom - top))
-            for px, py in ((seen.left, seen.top), (seen.right, seen.bottom))
-        ]
-        imgui.SetCursorScreenPos(imgui.Vec2(seen.left, seen.top))
-        imgui.Image(self._texture, imgui.Vec2(seen.width, seen.height), *shares)
+        size = (columns * navigation.resolution, rows * navigation.resolution)
+        paint_image(self._texture, navigation.origin, size, rect, view)
 
     def _paint_way(self, navigation: Navigation, view: View) -> None:
         if navigation.goal is None:
@@ -180,19 +219,6 @@ class Map:
         drawing.AddCircle(imgui.Vec2(x, y), 7.0, blue, 16, 2.0)
         end = imgui.Vec2(x + 14.0 * math.cos(goal.yaw), y - 14.0 * math.sin(goal.yaw))
         drawing.AddLine(imgui.Vec2(x, y), end, blue, 2.0)
-
-    def _paint_grid(self, rect: Rect, view: View) -> None:
-        """Paint lines that are not too dense."""
-        drawing, line = imgui.GetWindowDrawList(), style.colour(style.LINE, 0.6)
-        step = grid_step(view.scale)
-        left, top = view.to_floor(rect.left, rect.top)
-        right, bottom = view.to_floor(rect.right, rect.bottom)
-        for number in range(math.ceil(left / step), math.floor(right / step) + 1):
-            x, _ = view.to_page(number * step, 0.0)
-            drawing.AddLine(imgui.Vec2(x, rect.top), imgui.Vec2(x, rect.bottom), line)
-        for number in range(math.ceil(bottom / step), math.floor(top / step) + 1):
-            _, y = view.to_page(0.0, number * step)
-            drawing.AddLine(imgui.Vec2(rect.left, y), imgui.Vec2(rect.right, y), line)
 
     def _paint_points(self, points: np.ndarray, rect: Rect, view: View) -> None:
         if not len(points):
@@ -210,16 +236,3 @@ class Map:
         every = max(1, -(-len(trail) // MOST_TRAIL))
         places = [imgui.Vec2(*at) for at in view.all_to_page(trail[::-1][::every]).tolist()]
         imgui.GetWindowDrawList().AddPolyline(places, style.colour(style.TRUTH), 2.0)
-
-    def _paint_robot(self, size: float, pose: PlanarPose, view: View) -> None:
-        """Paint an arrow as large as the robot, but one that is seen."""
-        size = max(size * view.scale, 9.0)
-        x, y = view.to_page(pose.x, pose.y)
-        corners = []
-        for turn, length in ((0.0, 1.0), (2.5, 0.8), (math.pi, 0.3), (-2.5, 0.8)):
-            angle = pose.yaw + turn
-            place = x + length * size * math.cos(angle), y - length * size * math.sin(angle)
-            corners.append(imgui.Vec2(*place))
-        drawing, fill = imgui.GetWindowDrawList(), style.colour(style.COMMAND)
-        drawing.AddTriangleFilled(corners[0], corners[1], corners[2], fill)
-        drawing.AddTriangleFilled(corners[0], corners[2], corners[3], fill)
