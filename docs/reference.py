@@ -54,6 +54,7 @@ TOPICS = {
     'camera/image_raw': 'colour, rgb8',
     'camera/image_raw/compressed': 'the same as JPEG',
     'initialpose': 'pose of the robot in the map',
+    'keepout_filter_mask': "the navigator's keepout areas, where it has any",
     'local_plan': 'the motion that the navigator follows',
     'map': 'free, occupied and unknown cells; at most once a second',
     'map_metadata': 'size and origin of the map',

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 LATCHED = {'robot_description', 'selected', 'state', '/tf_static'}
-LATCHED |= {'map', 'map_metadata', 'global_costmap/costmap', 'guard/state'}
+LATCHED |= {'map', 'map_metadata', 'global_costmap/costmap', 'guard/state', 'keepout_filter_mask'}
 
 
 class Case:

@@ -190,11 +190,11 @@ class Navigation(NamedTuple):
     """
     The robot's map, path and goal, in the map's axes [m].
 
-    `cells` (rows, columns) are -1 where nothing is known, 0 free, to 100 occupied, each of a
-    `resolution`; the corner of the first, lowest in x and y, is at `origin`. `number` is another
-    one for another map. `pose` is where the robot believes to be, `path` (n, 2) the way to the
-    `goal`; `state` says in a word what it does, `reason` why. `no_exploring` says why it cannot
-    explore now, '' where it can.
+    `cells` (rows, columns) are -1 where nothing is known, 0 free, to 100 occupied, 101 in a
+    keepout area, each of a `resolution`; the corner of the first, lowest in x and y, is at
+    `origin`. `number` is another one for another map. `pose` is where the robot believes to be,
+    `path` (n, 2) the way to the `goal`; `state` says in a word what it does, `reason` why.
+    `no_exploring` says why it cannot explore now, '' where it can.
     """
 
     number: int

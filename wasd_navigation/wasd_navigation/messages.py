@@ -120,6 +120,7 @@ class NavigationPublisher:
         self._frame = frame
         self._map = node.create_publisher(OccupancyGrid, 'map', LATCHED)
         self._metadata = node.create_publisher(MapMetaData, 'map_metadata', LATCHED)
+        self._keepout = node.create_publisher(OccupancyGrid, 'keepout_filter_mask', LATCHED)
         self._pose = node.create_publisher(PoseWithCovarianceStamped, 'pose', RELIABLE)
         self._plan = node.create_publisher(Path, 'plan', RELIABLE)
         self._local_plan = node.create_publisher(Path, 'local_plan', RELIABLE)
@@ -161,6 +162,8 @@ class NavigationPublisher:
     def _publish_maps(self, stamp: Time) -> None:
         locator = self._navigator.locator
         is_wanted = has_listener(self._map) or has_listener(self._metadata)
+        if self._revision is None and (keepout := self._navigator.keepout) is not None:
+            self._keepout.publish(to_occupancy(keepout.mask, stamp, self._frame))
         if self._revision is None or (is_wanted and self._revision != locator.revision):
             self._revision = locator.revision
             self._map.publish(to_occupancy(locator.grid, stamp, self._frame))

@@ -9,6 +9,7 @@ import numpy as np
 from wasd_core.timing import Watchdog
 
 from wasd_navigation.exploring import Explorer
+from wasd_navigation.keepout import Keepout
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import Odometry
@@ -61,8 +62,11 @@ class Navigator:
         pilot: Driver,
         silence: float = SILENCE,
         explorer: Explorer | None = None,
+        keepout: Keepout | None = None,
     ) -> None:
         self.locator = locator
+        self.keepout = keepout
+        self._was_inside = False  # of a keepout area
         self.pilot = pilot
         self._explorer = explorer
         self._is_searching = False  # for a way to unknown space
@@ -302,12 +306,26 @@ class Navigator:
         """Return the map to plan on; when it is drawn depends on nobody who looks at it, too."""
         if self._grid is None or self._looked >= LOOK_PERIOD:
             self._looked = 0.0
-            if self._grid is None or self._drawn != self.locator.revision:
+            is_inside = self._is_kept_out
+            is_old = self._drawn != self.locator.revision
+            if self._grid is None or is_old or is_inside or self._was_inside:
+                self._was_inside = is_inside
                 self._grid, self._drawn = self._map(), self.locator.revision
                 self._revision += 1
         return self._grid
 
+    @property
+    def _is_kept_out(self) -> bool:
+        """Whether the robot is where it is not to be."""
+        pose = self.pose
+        return self.keepout is not None and pose is not None and self.keepout.overlaps(pose)
+
     def _map(self) -> Grid:
+        """Return the map, with a goal beyond it where it grows, and keepout areas."""
+        grid = self._known()
+        return grid if self.keepout is None else self.keepout.applied(grid, self.pose)
+
+    def _known(self) -> Grid:
         """Return the map, with a goal beyond it where it grows."""
         grid, goal = self.locator.grid, self.goal
         if goal is None or not self.is_mapping or not np.isfinite(goal).all():

@@ -326,6 +326,11 @@ class NavigatorParameters(SizeParameters):
     continue_map: bool = parameter(
         False, doc='Continue to map in that map, with the places saved beside it', read_only=True
     )
+    keepout: str = parameter(
+        '',
+        doc='Mask of keepout areas, a YAML of map_server or PICTURE,METRES_PER_PIXEL; empty: none',
+        read_only=True,
+    )
     save_map: str = parameter(
         'map', doc='Name of the files of ~/save_map: .yaml, .pgm, .places.npz'
     )

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from wasd_core.errors import Stopped, UserError
 from wasd_core.jit import before_each_compilation
+from wasd_core.map_picture import read_plan
 from wasd_core.signals import stop_requested
 
+from wasd_navigation.keepout import Keepout
 from wasd_navigation.mapping import load_map, load_session
 from wasd_navigation.mapping.continued import ContinuedMapper
 from wasd_navigation.mapping.localizer import Localizer
@@ -60,6 +62,21 @@ def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Part
     if session is not None:
         locator = ContinuedMapper(session, mapping)
     return locator, make_pilot(settings)
+
+
+def make_keepout(settings: NavigatorParameters) -> Keepout | None:
+    """
+    Return the keepout areas.
+
+    Raises:
+        UserError: they cannot be read.
+    """
+    if not settings.keepout:
+        return None
+    try:
+        return Keepout(Grid(*read_plan(settings.keepout)), settings.footprint)
+    except UserError as error:
+        raise UserError(f'keepout: {error}') from None
 
 
 def make_pilot(settings: NavigatorParameters) -> Driver:

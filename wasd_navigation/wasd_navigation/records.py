@@ -10,11 +10,11 @@ import numpy as np
 from wasd_core.errors import InvalidMessage
 from wasd_core.rotations import Pose, yaw_matrix
 
+from wasd_core import map_picture
 from wasd_navigation.se2 import transform
 
-UNKNOWN, FREE, OCCUPIED = -1, 0, 100
-# Fewer rows or columns are no map: between the middles of two cells values are looked up.
-FEWEST = 3
+UNKNOWN, FREE, OCCUPIED = map_picture.UNKNOWN, map_picture.FREE, map_picture.OCCUPIED
+FEWEST = map_picture.FEWEST
 # Cells are no farther away than this: what is must not overflow.
 _FARTHEST = 2.0**60
 # What a tilted lidar sees below this height is the floor [m]; nor is anything that ends less far

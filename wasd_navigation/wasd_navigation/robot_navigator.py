@@ -15,7 +15,7 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import NavigatorParameters
-from wasd_navigation.parts import make_parts, make_pilot, Parts
+from wasd_navigation.parts import make_keepout, make_parts, make_pilot, Parts
 from wasd_navigation.records import Ranges, Scan
 from wasd_navigation.senses import Senses
 from wasd_navigation.waypoints import Waypoints
@@ -78,7 +78,8 @@ class RobotNavigator:
         self.settings = settings
         parts = parts or make_parts(settings, self._inform)
         explorer = Explorer(settings.footprint, settings.planning)
-        self.navigator = Navigator(*parts, settings.planning.silence, explorer)
+        keepout = make_keepout(settings)
+        self.navigator = Navigator(*parts, settings.planning.silence, explorer, keepout)
         self.navigator.on_end.append(self._on_end)
 
     def tune(self, settings: NavigatorParameters) -> None:
@@ -148,7 +149,7 @@ class RobotNavigator:
 
     def go(self, goal: np.ndarray) -> None:
         """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
-        if refusal := self._refusal:
+        if refusal := self._refusal or self._refusal_of(goal):
             self.stop('another goal replaced it')
             self.navigator.refuse(refusal, goal)
         else:
@@ -166,6 +167,13 @@ class RobotNavigator:
     def _refusal(self) -> str:
         """Why nothing can be driven to now, '' where it can."""
         return ' and '.join(f'{lock} is on' for lock in sorted(self.locks)) or self.refusal()
+
+    def _refusal_of(self, goal: np.ndarray) -> str:
+        """Why a goal is none by the keepout areas, '' where it may be one."""
+        keepout = self.navigator.keepout
+        if keepout is None or not keepout.has(goal[:2]):
+            return ''
+        return f'({goal[0]:.2f}, {goal[1]:.2f}) is in a keepout area: choose a place outside it'
 
     def follow(self, waypoints: Waypoints) -> None:
         """Drive to goals one after another, from now on."""
@@ -187,10 +195,13 @@ class RobotNavigator:
 
     def _drive_on(self, waypoints: Waypoints) -> None:
         """Drive to the next waypoint."""
+        goal = waypoints.goal
         if refusal := self._refusal:
             self._end_waypoints(Outcome('cancelled', refusal))
+        elif refusal := self._refusal_of(goal):
+            self.navigator.refuse(refusal, goal)
         else:
-            self.navigator.set_goal(waypoints.goal)
+            self.navigator.set_goal(goal)
 
     def _end_waypoints(self, outcome: Outcome) -> None:
         """Forget the waypoints that are left, and tell why."""

@@ -346,6 +346,12 @@ OPTIONS = (
         how=FLAG,
     ),
     Option(
+        word='--keepout',
+        help='areas that the robot keeps out of: black in FILE.yaml (map_server) or in '
+        'PICTURE,METRES_PER_PIXEL',
+        how={'metavar': 'FILE'},
+    ),
+    Option(
         word='--explore',
         help='map all that the robot can reach, without a driver, then return to the start',
         how=FLAG,
@@ -573,7 +579,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
             part, _, name = option.name.rpartition('.')
             (untold if part else fields)[name] = option.read(given, option.word)
     options = RunOptions(robot=robot, untold=_untold(lambda: Untold(**untold)), **fields)
-    if options.map is None and (options.save_map is not None or options.goals or options.explore):
+    needs_map = options.save_map is not None or options.keepout is not None
+    if options.map is None and (needs_map or options.goals or options.explore):
         fields['map'] = ''
     if 'duration' not in fields and options.scripted:
         times = [press.time for press in options.keys or ()]
@@ -600,10 +607,12 @@ def _check_navigation(options: RunOptions) -> None:
         raise UserError('--continue goes on with a map: wanted --map FILE.yaml')
     if options.explore and options.map and not options.continues:
         raise UserError('--explore makes a map: leave out the file of --map, or --continue it')
-    if options.robot == BOTH and (options.map or options.save_map or options.goals):
+    if options.robot == BOTH and (
+        options.map or options.save_map or options.goals or options.keepout
+    ):
         raise UserError(
-            '--map FILE, --save-map and --goal are for one robot: wasd go2, or wasd mbot '
-            '(wasd both takes --map alone: each robot makes a map of its own)'
+            '--map FILE, --keepout, --save-map and --goal are for one robot: wasd go2, or '
+            'wasd mbot (wasd both takes --map alone: each robot makes a map of its own)'
         )
 
 
@@ -630,7 +639,16 @@ def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
         outputs += map_outputs(Path(options.save_map), '--save-map')
         outputs.append(session_output(Path(options.save_map), '--save-map'))
     inputs = []
-    for name in ('play', 'twist', 'controller', 'description', 'preset', 'world', 'map'):
+    for name in (
+        'play',
+        'twist',
+        'controller',
+        'description',
+        'preset',
+        'world',
+        'map',
+        'keepout',
+    ):
         path = getattr(arguments, name, None)
         if name == 'map' and options.continues:
             continue  # it may take the place of what it goes on with

@@ -166,7 +166,9 @@ class NavigationDriver:
         if self._pictured is None or (
             self._pictured[0] != revision and now >= self._pictured[1] + PICTURE_PERIOD
         ):
-            self._pictured = revision, now, navigator.locator.grid
+            grid, keepout = navigator.locator.grid, navigator.keepout
+            grid = grid if keepout is None else keepout.shown_on(grid)
+            self._pictured = revision, now, grid
         number, _, grid = self._pictured
         goal = navigator.goal
         return Navigation(
@@ -250,6 +252,7 @@ def _settings(robot: Robot) -> dict[str, Any]:
     values: dict[str, Any] = {
         'map': options.map or '',
         'continue_map': options.continues,
+        'keepout': options.keepout or '',
         'control_frequency': TWIST_RATE,
         **size_of(robot),
         **{f'limits.{name}': most for name, most in robot.drive_limits.items()},

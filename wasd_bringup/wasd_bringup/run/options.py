@@ -80,6 +80,7 @@ class RunOptions:
     # The map to localise in; '' makes one, None does neither.
     map: str | None = None
     continues: bool = False  # whether that map is gone on with
+    keepout: str | None = None  # a YAML of map_server, or PICTURE,METRES_PER_PIXEL
     save_map: str | None = None  # without .yaml
     goals: tuple[Goal, ...] = ()
     patrol: bool = False  # whether those come again after the last

@@ -23,6 +23,9 @@ GRID_STEPS, LEAST_GAP = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 22.0
 
 # Grey of what is free; what nobody has seen is left out.
 FREE_GREY: style.Rgb = (62, 70, 86)
+# Cells of more than this are kept out of, and painted so.
+OCCUPIED = 100
+KEEPOUT_RED: style.Rgb = (122, 52, 58)
 
 
 def paint_cells(cells: np.ndarray) -> bytes:
@@ -31,6 +34,7 @@ def paint_cells(cells: np.ndarray) -> bytes:
     share = np.clip(cells[::-1], 0, 100)[..., None] / 100.0
     image = np.zeros((*cells.shape, 4), dtype=np.uint8)
     image[..., :3] = (1.0 - share) * FREE_GREY + share * style.TEXT
+    image[cells[::-1] > OCCUPIED, :3] = KEEPOUT_RED
     image[..., 3] = 255 * known
     return image.tobytes()
 

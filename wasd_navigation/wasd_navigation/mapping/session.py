@@ -13,10 +13,10 @@ import zipfile
 
 import numpy as np
 from wasd_core.errors import one_line, UserError
+from wasd_core.map_picture import MapFileError
 from wasd_core.output_file import OutputFile
 from wasd_core.safe_files import read_file
 
-from wasd_navigation.mapping.map_file import MapFileError
 from wasd_navigation.mapping.pose_graph import Edges
 from wasd_navigation.records import MOST_RAYS, Scan
 

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Reads maps as Nav2's map_server has them, a YAML file and a picture; and pictures with a scale.
+
+The picture's first row is the grid's last. Trinary: black is occupied, nearly white free, grey
+unknown.
+"""
+
+from io import BytesIO
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+import yaml
+
+from wasd_core.errors import one_line, UserError
+from wasd_core.safe_files import read_file
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+# What map_saver writes, but for its threshold of 0.25: grey is 50/255 occupied, so that reads it
+# as free.
+OCCUPIED_THRESHOLD, FREE_THRESHOLD = 0.65, 0.196
+# Fewer rows or columns are no map: between the middles of two cells values are looked up.
+FEWEST = 3
+LARGEST_TEXT, LARGEST_PICTURE, MOST_PIXELS = 100_000, 100_000_000, 50_000_000  # [bytes]
+# Finer or coarser cells [m], and more of them along a side, are no map of where a robot drives.
+FINEST, COARSEST, LONGEST_SIDE = 0.01, 1.0, 1000.0  # the last in metres
+FARTHEST, MOST, LONGEST_WORDS = 1e6, 1e300, 60  # [m], any, characters
+TEXTS = ('.yaml', '.yml')
+
+
+class MapFileError(UserError):
+    """A map cannot be read, or there is no map to write; names the file and the reason."""
+
+
+class MapPicture(NamedTuple):
+    """
+    What a map's files say: `cells`, int8, the `resolution` [m] and the `origin` (x, y) [m].
+
+    Cells, shape (rows, columns), are -1 unknown, 0 free, to 100 occupied; row 0 has the lowest y,
+    and `origin` is the corner with the lowest coordinates.
+    """
+
+    cells: np.ndarray
+    resolution: float
+    origin: tuple[float, float]
+
+
+def is_plan(words: str) -> bool:
+    """Whether words name a map: a YAML file, or a picture with its scale after a comma."""
+    return Path(words).suffix.lower() in TEXTS or _scale(words) is not None
+
+
+def read_plan(words: str) -> MapPicture:
+    """
+    Return the map of a YAML file, or of `PICTURE,METRES_PER_PIXEL`.
+
+    The middle of a picture without YAML is the origin.
+
+    Raises:
+        UserError: a file cannot be read, or does not say what it must.
+    """
+    scale = _scale(words)
+    if scale is None:
+        if Path(words).suffix.lower() not in TEXTS:
+            wanted = 'wanted FILE.yaml, or PICTURE,METRES_PER_PIXEL as in plan.png,0.05'
+            raise MapFileError(f'{words}: {wanted}')
+        return read_map(Path(words))
+    path = Path(words.rpartition(',')[0])
+    if not FINEST <= scale <= COARSEST:
+        wanted = f'{FINEST:g} to {COARSEST:g} m a pixel'
+        raise MapFileError(f'{path}: wanted {wanted}, got {scale:g}')
+    cells = _cells(path, _read_shares(path, False), scale)
+    rows, columns = cells.shape
+    return MapPicture(cells, scale, (-0.5 * scale * columns, -0.5 * scale * rows))
+
+
+def _scale(words: str) -> float | None:
+    """Return the number after the last comma, where there is one."""
+    path, comma, number = words.rpartition(',')
+    try:
+        scale = float(number)
+    except ValueError:
+        return None
+    return scale if comma and path else None
+
+
+def read_map(path: Path) -> MapPicture:
+    """
+    Return the map of a YAML file.
+
+    Raises:
+        UserError: a file cannot be read, or does not say what it must.
+    """
+    try:
+        said = yaml.safe_load(read_file(path, LARGEST_TEXT))
+    # The others are what it raises for a word that is not of the kind that its tag says.
+    except (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
+        raise MapFileError(f'{path}: no YAML: {one_line(error)}') from error
+    if not isinstance(said, dict):
+        raise MapFileError(f'{path}: wanted image, resolution and origin of a map')
+    resolution = _number(path, said, 'resolution')
+    if not FINEST <= resolution <= COARSEST:
+        wanted = f'{FINEST:g} to {COARSEST:g} m'
+        raise MapFileError(f'{path}: resolution: wanted {wanted}, got {resolution:g}')
+    image = said.get('image')
+    if not isinstance(image, str) or not image:
+        raise MapFileError(f'{path}: image: wanted the name of a picture, got {_shown(image)}')
+    mode = said.get('mode', 'trinary')
+    if mode not in ('trinary', 'scale'):
+        raise MapFileError(f'{path}: mode: wanted trinary or scale, got {_shown(mode)}')
+    occupied = _number(path, said, 'occupied_thresh', OCCUPIED_THRESHOLD)
+    free = _number(path, said, 'free_thresh', FREE_THRESHOLD)
+    if not 0.0 <= free <= occupied <= 1.0:
+        wanted = 'wanted 0 <= free_thresh <= occupied_thresh <= 1'
+        raise MapFileError(f'{path}: {wanted}, got {free:g} and {occupied:g}')
+    origin = _origin(path, said)
+    try:
+        shares = _read_shares(path.parent / image, bool(said.get('negate', 0)))
+    except UserError as error:
+        raise MapFileError(f'{path}: image: {one_line(error)}') from error
+    cells = _cells(path, shares, resolution, (free, occupied), mode)
+    return MapPicture(cells, resolution, origin)
+
+
+def _cells(
+    path: Path,
+    shares: np.ndarray,
+    resolution: float,
+    thresholds: tuple[float, float] = (FREE_THRESHOLD, OCCUPIED_THRESHOLD),
+    mode: str = 'trinary',
+) -> np.ndarray:
+    """
+    Return the cells of how occupied pixels are, shape (rows, columns).
+
+    Raises:
+        MapFileError: they are too few, or too many for their size.
+    """
+    free, occupied = thresholds
+    if min(shares.shape) < FEWEST:
+        rows, columns = shares.shape
+        wanted = f'wanted at least {FEWEST} x {FEWEST} pixels'
+        raise MapFileError(f'{path}: {wanted}, got {columns} x {rows}')
+    if not 0.0 < resolution * max(shares.shape) <= LONGEST_SIDE:
+        rows, columns = shares.shape
+        size = f'{resolution * columns:.0f} m x {resolution * rows:.0f} m'
+        raise MapFileError(f'{path}: wanted sides of at most {LONGEST_SIDE:g} m, got {size}')
+    cells = np.full(shares.shape, UNKNOWN, dtype=np.int8)
+    if mode == 'scale':
+        between = np.round(99.0 * (shares - free) / max(1e-9, occupied - free))
+        cells = np.clip(between, 0, 99).astype(np.int8)
+    cells[shares > occupied] = OCCUPIED
+    cells[shares < free] = FREE
+    return np.ascontiguousarray(cells[::-1])
+
+
+def _read_shares(path: Path, negate: bool) -> np.ndarray:
+    """Return how occupied the pixels of a picture are, 0 to 1, shape (rows, columns)."""
+    data = read_file(path, LARGEST_PICTURE)
+    try:
+        with Image.open(BytesIO(data)) as opened:
+            picture: Image.Image = opened
+            if math.prod(picture.size) > MOST_PIXELS:
+                wanted = f'wanted at most {MOST_PIXELS} pixels'
+                raise MapFileError(f'{path}: {wanted}, got {picture.width} x {picture.height}')
+            if picture.has_transparency_data:  # it is seen on white
+                paper = Image.new('RGBA', picture.size, 'white')
+                picture = Image.alpha_composite(paper, picture.convert('RGBA'))
+            pixels = np.asarray(picture.convert('L'), dtype=np.float32) / np.float32(255)
+    except UnidentifiedImageError as error:
+        why = 'wanted a picture, PGM or PNG' if data else 'the file is empty'
+        raise MapFileError(f'{path}: {why}') from error
+    except (OSError, ValueError, Image.DecompressionBombError) as error:
+        raise MapFileError(f'{path}: no picture: {one_line(error)}') from error
+    return pixels if negate else 1.0 - pixels
+
+
+def _origin(path: Path, said: dict[Any, Any]) -> tuple[float, float]:
+    """Return the corner of the map [m]."""
+    origin = said.get('origin')
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapFileError(f'{path}: origin: wanted [x, y, yaw], got {_shown(origin)}')
+    x, y, yaw = (_number(path, {'origin': value}, 'origin') for value in origin)
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise MapFileError(f'{path}: origin: wanted at most {FARTHEST:g} m, got {x:g}, {y:g}')
+    if yaw != 0.0:
+        raise MapFileError(f'{path}: origin: a map that is turned cannot be used, yaw {yaw:g}')
+    return x, y
+
+
+def _number(path: Path, said: dict[Any, Any], name: str, default: float | None = None) -> float:
+    value = said.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MOST:
+        raise MapFileError(f'{path}: {name}: wanted a number, got {_shown(value)}')
+    return float(value)
+
+
+def _shown(value: Any) -> str:
+    """Return a value in a few words: what refers to itself would fill the memory."""
+    words = repr(value) if isinstance(value, str | int | float | None) else type(value).__name__
+    return words if len(words) <= LONGEST_WORDS else f'{words[:LONGEST_WORDS]}...'
