@@ -11,6 +11,7 @@ steers. A trunk that touches anything is a fall, however it goes on.
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+import math
 from typing import Any
 
 from mujoco_sim.parameters import Untold
@@ -26,6 +27,8 @@ BEYOND, LOOK = 0.8, 0.02
 STAIRS = AHEAD + 2.0 * TREAD * (STEPS - 1) + LANDING
 # How much longer than the way takes at SPEED it may take.
 PATIENCE = 1.6
+# How far odometry may be off in the end, in all three axes, as a share of the way.
+MOST_OFF = 0.01
 # Which cases are measured, by a part of their names; all where there are none.
 only: list[str] = []
 
@@ -55,6 +58,11 @@ class Case:
     must: int = 20
     friction: float | None = None
     fault: Fault = Fault()
+
+    @property
+    def is_judged_by_odometry(self) -> bool:
+        """Whether it is stairs that are seen as they are."""
+        return self.world.startswith('stairs') and self.fault == Fault()
 
 
 def _stairs(rise: float, name: str = '', must: int = 20, fault: Fault = Fault()) -> Case:
@@ -120,10 +128,13 @@ def walk(case: Case, seed: int) -> dict[str, Any]:
     dog.run(2.5)
     dog.press('5')
     dog.drive(SPEED)
+    begin, way = dog.truth.position - dog.odometry.position, 0.0
     until = dog.time + PATIENCE * case.end / SPEED + 2.0
     why = ''
     while not why and dog.truth.position[0] < case.end:
+        before = dog.truth.position.copy()
         dog.run(LOOK)
+        way += math.dist(before, dog.truth.position)
         if (robot.world.contact_forces(trunk) > 0.0).any():
             why = 'trunk touched'
         elif dog.state != 'move base':
@@ -131,6 +142,7 @@ def walk(case: Case, seed: int) -> dict[str, Any]:
         elif dog.time > until:
             why = 'too slow'
     truth, belief = dog.truth.position, dog.odometry.position
+    off = truth - belief - begin
     return {
         'seed': seed,
         'world': world,
@@ -138,6 +150,9 @@ def walk(case: Case, seed: int) -> dict[str, Any]:
         'why': why,
         'position': truth.tolist(),
         'odometry': belief.tolist(),
+        'way': way,
+        'off': float(np.linalg.norm(off)),
+        'off_height': float(off[2]),
         'time': dog.time,
     }
 
@@ -151,10 +166,10 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Measure all cases, or those that `only` names."""
     count = 2 if quick else 20
     seeds = range(FIRST_SEED, FIRST_SEED + count)
-    return [_row(case, seeds, note) for case in cases(only)]
+    return [row for case in cases(only) for row in _rows(case, seeds, note)]
 
 
-def _row(case: Case, seeds: Sequence[int], note: Callable[[str], None]) -> Row:
+def _rows(case: Case, seeds: Sequence[int], note: Callable[[str], None]) -> list[Row]:
     trials = []
     for seed in seeds:
         note(f'sight: {case.name}, seed {seed}')
@@ -162,10 +177,23 @@ def _row(case: Case, seeds: Sequence[int], note: Callable[[str], None]) -> Row:
     good = sum(trial['passed'] for trial in trials)
     # Of the full number as many as there are to be, of fewer the same share.
     must = -(-case.must * len(seeds) // 20)
-    return Row(
+    row = Row(
         what=f'by sight at {SPEED:g} m/s: {case.name}',
         measured=format_count(good, len(trials)),
         must=f'>= {must} of {len(trials)}',
         passed=good >= must,
         trials=trials,
     )
+    if not case.is_judged_by_odometry or not good:
+        return [row]
+    through = [trial for trial in trials if trial['passed']]
+    worst = max(trial['off'] / trial['way'] for trial in through)
+    height = max(abs(trial['off_height']) for trial in through)
+    odometry = Row(
+        what=f'{row.what}: odometry of {len(through)} that came through',
+        measured=f'{100.0 * worst:.2f} % of the way at worst, height {100.0 * height:.1f} cm',
+        must=f'<= {100.0 * MOST_OFF:g} %',
+        passed=worst <= MOST_OFF,
+        trials=through,
+    )
+    return [row, odometry]

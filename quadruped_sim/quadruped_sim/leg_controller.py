@@ -469,7 +469,10 @@ class LegController:
         else:
             plane, roughness = self.locomotion.ground.flat, self.locomotion.step_height.roughness
             may_land = not (is_walking or is_passive)
-            footing = Footing(state.trust, normal, plane, is_walking, may_land, roughness)
+            is_broken = self.locomotion.sight.is_broken
+            footing = Footing(
+                state.trust, normal, plane, is_walking, may_land, roughness, is_broken
+            )
             kalman.step(robot.flat, imu, drift, footing, dt)
 
     def _rests_on_trunk(self, R: np.ndarray) -> bool:

@@ -2,6 +2,7 @@
 """A Go2 that walks by sight, and one whose map knows nothing, which walks as if blind."""
 
 from dataclasses import replace
+import math
 import re
 
 from descriptions import robot_named
@@ -62,6 +63,28 @@ def test_by_sight_it_climbs_stairs_of_15_cm():
     assert state == 'move base'
     assert position[0] > 2.3
     assert position[2] > 6 * 0.15 + 0.2
+
+
+@pytest.mark.slow
+def test_up_stairs_over_their_landing_and_down_odometry_is_right_to_one_percent_of_the_way():
+    """It lost 65 cm of height on the landing: feet were drawn to the level of the floor."""
+    dog = wasd.Go2('stairs:0.15', seed=122, eyes=True)
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('5')
+    dog.drive(0.4)
+    dog.run(0.1)
+    begin, way, highest = dog.truth.position - dog.odometry.position, 0.0, 0.0
+    while dog.state == 'move base' and dog.truth.position[0] < 8.8 and dog.time < 35.0:
+        before = dog.truth.position.copy()
+        dog.run(0.1)
+        way += math.dist(before, dog.truth.position)
+        highest = max(highest, dog.truth.position[2])
+        off = dog.truth.position - dog.odometry.position - begin
+        assert np.linalg.norm(off) < 0.06
+    assert dog.truth.position[0] > 8.7
+    assert highest > 6 * 0.15 + 0.2
+    assert np.linalg.norm(off) < 0.01 * way
 
 
 @pytest.mark.slow

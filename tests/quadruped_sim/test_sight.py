@@ -83,6 +83,27 @@ class Looker:
         return self.feet.landing[: len(places)].copy(), rises[: len(places)]
 
 
+@pytest.mark.parametrize(
+    ('height', 'is_broken'), [(flat, False), (slope, False), (gap, False), (stairs, True)]
+)
+def test_ground_with_steps_is_broken_and_a_plane_is_not_nor_a_gap_in_it(height, is_broken):
+    looker = Looker(height)
+    assert not looker.sight.is_broken
+    looker.look()
+    assert looker.sight.is_broken == is_broken
+    looker.sight.terrain = None
+    looker.sight.look(looker.position, PERIOD)
+    assert not looker.sight.is_broken
+
+
+def test_ground_that_is_not_seen_any_more_is_not_broken():
+    looker = Looker(stairs)
+    looker.look()
+    looker.sight.terrain = Elevation()
+    looker.look()
+    assert not looker.sight.is_broken
+
+
 def test_without_a_map_and_with_an_empty_one_nothing_is_seen():
     looker = Looker(flat)
     for terrain in (None, Elevation()):

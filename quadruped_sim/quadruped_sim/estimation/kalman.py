@@ -51,7 +51,8 @@ class Footing(NamedTuple):
 
     `trust` (4,) in [0, 1] says how surely each does; the ground has a unit `normal` (3,), world
     axes. A robot that `is_walking` stood last on `plane`, a flat `Plane`; one that jumps or stands
-    `may_land` on other ground. It felt its ground to be rough by `roughness`, from 0 to 1.
+    `may_land` on other ground. It felt its ground to be rough by `roughness`, from 0 to 1, or sees
+    that it `is_broken`: steps, no plane.
     """
 
     trust: np.ndarray
@@ -60,6 +61,7 @@ class Footing(NamedTuple):
     is_walking: bool
     may_land: bool
     roughness: float
+    is_broken: bool = False
 
 
 class Gaussian(NamedTuple):
@@ -268,6 +270,9 @@ def _anchor(
     height, off, ahead, left = height / total, off / total, ahead / total, left / total
     if footing.is_walking:  # on a slope the level is that below the base
         height -= plane.gradient[0] * ahead + plane.gradient[1] * left
+        if footing.is_broken:  # each tread has its own: the feet carry the level along
+            estimate.level[0], estimate.strayed[0] = height, 0.0
+            return
     speed, known = math.hypot(estimate.x[1, 0], estimate.x[1, 1]), min(total, 1.0) * dt
     off_level = _level(estimate, footing, (height, even, speed), sensors, known)
     rough = min(footing.roughness / _ROUGH, 1.0) ** _SHARP

@@ -44,6 +44,8 @@ _CLEARANCE = 0.05
 _BEHIND, _BEFORE, _BESIDE, _ENOUGH, _TIME = -0.35, 0.50, 0.20, 0.5, 0.12
 # Gaps up to so many cells are none to it, so far ahead and behind it looks for their ends [m].
 _GAP, _BEYOND = 9, 0.25
+# Ground is broken whose cells are farther from its plane [m], root mean square.
+_BROKEN = 0.015
 # Steepest ground that the base follows, as a gradient.
 _STEEPEST = 0.7
 # Cells around a foot that are of its tread are within this height of it [m]; so many are enough.
@@ -64,7 +66,8 @@ class SightState(NamedTuple):
     `first` (2,) from the origin. `plane` is what the base follows where `share` (1,) > 0, `tread`
     what feet stand on where `tread_share` (1,) > 0. Of each leg: if a foothold `is_held` (4,), and
     where, (4, 2) [m]. `lift` (1,) is how far feet are above the map [m], `most` (1,) the speed
-    that what is ahead allows [m/s], `since` (1,) the last look [s].
+    that what is ahead allows [m/s], `since` (1,) the last look [s], `off` (1,) how far the ground
+    that the base follows is from its plane [m], root mean square.
     """
 
     window: np.ndarray
@@ -78,6 +81,7 @@ class SightState(NamedTuple):
     lift: np.ndarray
     most: np.ndarray
     since: np.ndarray
+    off: np.ndarray
 
 
 def _blank_plane() -> Plane:
@@ -98,7 +102,7 @@ class Sight:
             _blank_plane(),
             _blank_plane(),
             *(np.zeros(1), np.zeros(1), np.zeros(4), np.zeros((4, 2))),
-            *(np.zeros(1), np.full(1, np.inf), np.zeros(1)),
+            *(np.zeros(1), np.full(1, np.inf), np.zeros(1), np.zeros(1)),
         )
         self.flat = flatten(blank)
         self._state: SightState = view_of(self.flat, blank)
@@ -110,7 +114,7 @@ class Sight:
         state = self._state
         state.window[:] = np.nan
         state.share[:], state.tread_share[:], state.is_held[:] = 0.0, 0.0, 0.0
-        state.lift[:], state.most[:], state.since[:] = 0.0, np.inf, np.inf
+        state.lift[:], state.most[:], state.since[:], state.off[:] = 0.0, np.inf, np.inf, 0.0
 
     def look(self, position: np.ndarray, dt: float) -> None:
         """Take what the map knows around a place (3,) [m] when its time has come."""
@@ -129,6 +133,11 @@ class Sight:
     def knows(self) -> bool:
         """Whether the base follows what is seen."""
         return bool(self._state.share[0] > 0.0)
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether the ground around is seen to have steps, or holes."""
+        return bool(self._state.off[0] > _BROKEN)
 
     @property
     def most(self) -> float:
@@ -207,7 +216,7 @@ def _fit_base(robot: np.ndarray, ground: np.ndarray, sight: np.ndarray) -> None:
     base, blind, own = robot[0].base, ground[0], sight[0]
     bx, by, yaw = base.position[0], base.position[1], base.rpy[2]
     c, s = math.cos(yaw), math.sin(yaw)
-    sums = np.zeros(9)  # n, x, y, z, xx, xy, yy, xz, yz
+    sums = np.zeros(10)  # n, x, y, z, xx, xy, yy, xz, yz, zz
     asked = 0
     level = height_at(blind, bx, by)
     steps = int((_BEFORE - _BEHIND) / RESOLUTION) + 1
@@ -234,6 +243,7 @@ def _fit_base(robot: np.ndarray, ground: np.ndarray, sight: np.ndarray) -> None:
             sums[6] += y * y
             sums[7] += x * z
             sums[8] += y * z
+            sums[9] += z * z
     share = min(PERIOD / _TIME, 1.0)
     count = sums[0]
     gx, gy, height = blind.gradient[0], blind.gradient[1], level
@@ -247,11 +257,15 @@ def _fit_base(robot: np.ndarray, ground: np.ndarray, sight: np.ndarray) -> None:
         is_known = determinant > 1e-6 and xx > 0.02 * count
         if is_known:
             ahead, left = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
+            left_over = sums[9] - count * mz * mz - ahead * xz - left * yz
+            own.off[0] = math.sqrt(max(left_over, 0.0) / count)
             size = math.hypot(ahead, left)
             if size > _STEEPEST:
                 ahead, left = ahead * _STEEPEST / size, left * _STEEPEST / size
             height = level + mz - ahead * mx - left * my
             gx, gy = c * ahead - s * left, s * ahead + c * left
+    if not is_known:
+        own.off[0] = 0.0
     plane = own.plane
     if own.share[0] == 0.0:
         if not is_known:
