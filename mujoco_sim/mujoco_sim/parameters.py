@@ -15,6 +15,9 @@ WORLD_NAMES = (
     'flat, room, office, slope:DEG, stairs:RISE[,TREAD], step:HEIGHT, boxes:HEIGHT, '
     'rough:HEIGHT, ice:MU, gap:WIDTH, stepping:GAP, course:SEED, flat:SEED'
 )
+WORLD_KINDS = (
+    'an MJCF or URDF file, or a floor plan: FILE.yaml of a map, or PICTURE,METRES_PER_PIXEL'
+)
 # Of feet or wheels on a floor.
 FRICTION = (0.01, 2.0)
 # The most that a robot is loaded with [kg]. A Go2 carries 8, at most 12; others here weigh more.
@@ -49,9 +52,7 @@ class SimulatorParameters(Parameters):
     description: str = parameter(
         'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
     )
-    world: str = parameter(
-        'flat', doc=f'World: {WORLD_NAMES}, or an MJCF or URDF file', read_only=True
-    )
+    world: str = parameter('flat', doc=f'World: {WORLD_NAMES}, {WORLD_KINDS}', read_only=True)
     seed: int = parameter(
         0, minimum=0, maximum=2**63 - 1, doc='Seed of all random numbers', read_only=True
     )

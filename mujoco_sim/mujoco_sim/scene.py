@@ -2,6 +2,7 @@
 """The surroundings of the robot: floor, light, walls and terrain."""
 
 from collections.abc import Callable
+import logging
 import math
 import os
 from pathlib import Path
@@ -10,12 +11,13 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from wasd_core.errors import one_line, SimulationError
+from wasd_core.errors import one_line, SimulationError, UserError
 from wasd_core.robot_io import TIME_STEP
 
 from mujoco_sim.flats import Flat, make_flat, make_office
-from mujoco_sim.parameters import WORLD_NAMES
+from mujoco_sim.parameters import WORLD_KINDS, WORLD_NAMES
 
+LOGGER = logging.getLogger(__name__)
 ROOM_SIZE = 6.0
 WALL = (0.75, 0.72, 0.66, 1.0)
 BOARDS = ((0.47, 0.40, 0.33), (0.43, 0.36, 0.29), (0.36, 0.30, 0.24))
@@ -29,6 +31,7 @@ FURNITURE = (
 )
 SUN = 'sun'
 WALL_HEIGHT = 0.5
+LARGEST_SHADOW = 25.0  # shadows of a larger plan would be too coarse [m]
 
 # The robot starts at the origin, looking along x, with a plane of this length before it [m].
 AHEAD = 0.8
@@ -66,12 +69,14 @@ EDGE = 0.3
 
 def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
     """
-    Put a robot's specification into a world: a name, a terrain with its size, or a model file.
+    Put a robot's specification into a world: a name, a terrain with its size, or a file.
+
+    That is a model, or a floor plan: a map's YAML file, or a picture with its scale.
 
     `seed` decides what is random in a terrain.
 
     Raises:
-        SimulationError: an unknown name, a size that is none, a file that is no model.
+        SimulationError: an unknown name, a size that is none, a file that is no model and no plan.
     """
     spec.option.timestep = TIME_STEP
     # Not implicit: that adds motor damping after the contacts are solved, and wheels then slip
@@ -171,7 +176,7 @@ def _room(spec: mujoco.MjSpec) -> None:
 def _office(spec: mujoco.MjSpec) -> None:
     """Build the office of `flats`."""
     _flat(spec)
-    _build(spec, make_office())
+    _build_flat(spec, make_office())
 
 
 def add_flat(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None:
@@ -183,16 +188,21 @@ def add_flat(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None:
     """
     if not seed.is_integer():
         raise SimulationError(f'--world flat:{seed:g}: wanted a whole number after the colon')
-    _build(spec, make_flat(int(seed)))
+    _build_flat(spec, make_flat(int(seed)))
 
 
-def _build(spec: mujoco.MjSpec, flat: Flat) -> None:
+def _build_flat(spec: mujoco.MjSpec, flat: Flat) -> None:
+    _build(spec, flat.boxes, flat.walls, float(flat.size.max()))
+
+
+def _build(spec: mujoco.MjSpec, boxes: np.ndarray, walls: int, size: float) -> None:
+    """Build boxes as those of a `Flat`, the first of them walls, in a plan of a size [m]."""
     # Boards, not the slabs of the endless floor; and shadows wherever the robot goes.
     floor = spec.texture('floor')
     floor.rgb1, floor.rgb2, floor.markrgb = BOARDS
-    spec.visual.map.shadowclip = 1.3 * float(flat.size.max())
-    for index, (x, y, half_length, half_width, height, yaw) in enumerate(flat.boxes.tolist()):
-        piece = index - flat.walls
+    spec.visual.map.shadowclip = 1.3 * min(size, LARGEST_SHADOW)
+    for index, (x, y, half_length, half_width, height, yaw) in enumerate(boxes.tolist()):
+        piece = index - walls
         spec.worldbody.add_geom(
             name=f'wall{index}' if piece < 0 else f'furniture{piece}',
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -201,6 +211,33 @@ def _build(spec: mujoco.MjSpec, flat: Flat) -> None:
             quat=[math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)],
             rgba=WALL if piece < 0 else FURNITURE[piece % len(FURNITURE)],
         )
+
+
+def add_floor_plan(spec: mujoco.MjSpec, words: str) -> None:
+    """
+    Build the walls of a map's YAML file, or of `PICTURE,METRES_PER_PIXEL`.
+
+    Raises:
+        SimulationError: it cannot be read, or gives no world.
+    """
+    # Here, because few worlds are pictures.
+    from wasd_core.map_picture import read_plan
+
+    from mujoco_sim.floor_plan import make_floor_plan
+
+    try:
+        plan = read_plan(words)
+        built = make_floor_plan(plan)
+    except SimulationError as error:
+        raise SimulationError(f'--world {words}: {error}') from None
+    except UserError as error:
+        raise SimulationError(f'--world {one_line(error)}') from None
+    if built.cell > plan.resolution:
+        LOGGER.warning(
+            '--world %s: many boxes: its walls are drawn in cells of %g m', words, built.cell
+        )
+    _flat(spec)
+    _build(spec, built.boxes, len(built.boxes), built.size)
 
 
 def _add_furniture(spec: mujoco.MjSpec) -> None:
@@ -257,6 +294,12 @@ WORLD_FILES = ('.xml', '.urdf')
 
 
 def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
+    # Here, because few worlds are files.
+    from wasd_core.map_picture import is_plan
+
+    if is_plan(world):
+        add_floor_plan(spec, world)
+        return
     path = Path(world)
     try:
         is_file = stat.S_ISREG(os.stat(path).st_mode)
@@ -267,12 +310,13 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
     if not is_file:
         raise SimulationError(
             f'--world {world}: no such file, and no world of that name; '
-            f'worlds: {WORLD_NAMES}, or an MJCF or URDF file'
+            f'worlds: {WORLD_NAMES}, {WORLD_KINDS}'
         )
     if path.suffix.lower() not in WORLD_FILES:
         raise SimulationError(
             f'--world {world}: wanted an MJCF or URDF file, whose name ends in '
             + ' or '.join(WORLD_FILES)
+            + ', or a floor plan: FILE.yaml, or PICTURE,METRES_PER_PIXEL as in plan.png,0.05'
         )
     try:
         surroundings = mujoco.MjSpec.from_file(str(path))

@@ -94,8 +94,9 @@ def read_map(path: Path) -> MapPicture:
     Raises:
         UserError: a file cannot be read, or does not say what it must.
     """
+    text = read_file(path, LARGEST_TEXT)
     try:
-        said = yaml.safe_load(read_file(path, LARGEST_TEXT))
+        said = yaml.safe_load(text)
     # The others are what it raises for a word that is not of the kind that its tag says.
     except (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
         raise MapFileError(f'{path}: no YAML: {one_line(error)}') from error

@@ -17,7 +17,7 @@ from pathlib import Path
 import stat
 from typing import Any
 
-from mujoco_sim.parameters import HEAVIEST, LIDAR_NAMES, Payload, Untold, WORLD_NAMES
+from mujoco_sim.parameters import HEAVIEST, LIDAR_NAMES, Payload, Untold, WORLD_KINDS, WORLD_NAMES
 from quadruped_sim.presets import GAITS, LIMITS
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import LAYOUTS
@@ -298,7 +298,7 @@ OPTIONS = (
     ),
     Option(
         word='--world',
-        help=f'{WORLD_NAMES}, or a model file',
+        help=f'{WORLD_NAMES}, {WORLD_KINDS}',
         how={'metavar': 'NAME|FILE'},
     ),
     Option(

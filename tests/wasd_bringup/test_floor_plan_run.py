@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a robot has mapped is a world that a robot drives in, and maps as it is."""
+
+import math
+
+from mujoco_sim.floor_plan import find_start
+import numpy as np
+import pytest
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
+from wasd_core.map_picture import OCCUPIED, read_plan
+
+pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(400.0)]
+
+OPTIONS = {'robot': 'mbot', 'description': 'mbot', 'preset': 'mbot', 'speed': 0.0, 'map': ''}
+
+
+def explore(world, name):
+    """Map a world, and save that map by a name; return the run's report."""
+    run = Run(RunOptions(**OPTIONS, world=world, explore=True, save_map=name))
+    unit = run.navigations[0].unit
+    while not unit.is_exploring:
+        run.simulation.advance(500)
+    while unit.is_exploring and run.world.time < 240.0:
+        run.simulation.advance(500)
+    assert not unit.is_exploring
+    run.close()
+
+
+def close_to(cells, points, plan, cell=1):
+    """Return which points [m] have such a cell of a plan no farther than one cell away, bool."""
+    near = np.pad(cells, cell)
+    grown = np.zeros_like(cells)
+    for down in range(2 * cell + 1):
+        for right in range(2 * cell + 1):
+            grown |= near[down : down + cells.shape[0], right : right + cells.shape[1]]
+    at = np.floor((points - plan.origin) / plan.resolution).astype(int)[:, ::-1]
+    inside = ((at >= 0) & (at < cells.shape)).all(axis=1)
+    found = np.zeros(len(points), bool)
+    found[inside] = grown[tuple(at[inside].T)]
+    return found
+
+
+@pytest.fixture(scope='module')
+def saved(tmp_path_factory):
+    """Return the map of a room with furniture, as it was saved."""
+    name = tmp_path_factory.mktemp('plan') / 'first'
+    explore('room', str(name))
+    return name.with_suffix('.yaml')
+
+
+def test_a_goal_is_driven_to_in_a_saved_map(saved):
+    options = RunOptions(**OPTIONS, world=str(saved), goals=((1.5, -0.8, math.nan),))
+    run = Run(options)
+    navigation = run.navigations[0]
+    while not navigation.report()['goals'] and run.world.time < 60.0:
+        run.simulation.advance(500)
+    (goal,) = navigation.report()['goals']
+    assert goal['state'] == 'arrived'
+    assert math.dist(goal['truth'][:2], (1.5, -0.8)) < 0.1
+    run.close()
+
+
+def test_the_map_of_that_world_is_the_map_that_it_was_made_of(saved):
+    name = saved.with_name('second')
+    explore(str(saved), str(name))
+    first, second = read_plan(str(saved)), read_plan(f'{name}.yaml')
+    rows, columns = np.nonzero(second.cells == OCCUPIED)
+    points = (np.column_stack((columns, rows)) + 0.5) * second.resolution + second.origin
+    points += find_start(first)  # where the second one began
+    share = close_to(first.cells == OCCUPIED, points, first).mean()
+    assert len(points) > 300
+    assert share >= 0.98, share
