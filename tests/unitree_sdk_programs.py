@@ -175,7 +175,7 @@ def calls():
 
 def in_sync(ticks=2000):
     """Squat and stand by what each LowState says, answer its tick; return what was measured."""
-    low, over = LowLevel(), threading.Event()
+    low, over, ticks = LowLevel(), threading.Event(), int(ticks)
 
     def answer(state):
         if state.tick > 2 * ticks:

@@ -18,8 +18,8 @@ from wasd import Go2
 # Legs of 3, 4 and 5: the incircle has radius 1 and its centre 1 from both short sides.
 RIGHT_ANGLED = np.array(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)))
 FEET = np.array(((0.2, 0.1, 0.0), (0.2, -0.1, 0.0), (-0.2, 0.1, 0.0), (-0.2, -0.1, 0.0)))
-# The fourth and fifth fold the leg under the belly.
-ENDS = ('w*20', 'd*20', 'a*40', 's*40', 'i*20', '', 'd*40', 'k*40', 'w*40')
+# The third and fourth fold the leg under the belly.
+ENDS = ('w*20 d*20', 'a*40', 's*40 i*20', 'd*40 k*40', 'w*40')
 
 
 def test_the_middle_of_a_triangle_is_the_centre_of_its_incircle():
@@ -98,7 +98,7 @@ def test_pushes_of_15_newton_seconds_make_it_step_and_go_on(test):
     state = dog.state
     for force in ((150.0, 0.0, 0.0), (0.0, 150.0, 0.0), (0.0, -150.0, 0.0)):
         dog.push(force, 0.1)
-        assert steepest(dog, 6.0) < 45.0
+        assert steepest(dog, 5.0) < 45.0
         assert dog.state == state
         assert steepest(dog, 0.5) < 5.0
 
