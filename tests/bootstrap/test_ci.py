@@ -18,7 +18,7 @@ TOOLS = 'bash cat dirname env ls mkdir mktemp nice readlink rm sh sleep timeout'
 # `./wasd`: each command notes its process, and does what a file that is named after it says.
 WASD = """#!/bin/sh
 case "$*" in *--version | *--last-failed*) exit ;; esac
-[ "$1" != demo ] || mkdir -p "$3"
+[ "$1" != demo ] || mkdir -p "$5"
 [ "$1" != test ] || trap 'exit 2' INT
 echo $$ >"$FAKE/$1.new"; mv "$FAKE/$1.new" "$FAKE/$1.pid"
 while [ -e "$FAKE/slow-$1" ]; do sleep 0.02; done
