@@ -15,7 +15,8 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid, Scan, UNKNOWN
-from wasd_navigation.se2 import compose, inverse
+from wasd_navigation.se2 import compose, inverse, transform
+from wasd_navigation.traversability import Traversability
 
 # While it searches for a way to unknown space, it checks the map at this period [s].
 LOOK_AROUND = 0.5
@@ -32,6 +33,10 @@ LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
 NOWHERE = np.full(3, math.nan)
 # A robot that maps takes goals up to so far beyond its map [m], and plans with so much around one.
 BEYOND, AROUND_GOAL = 50.0, 2.0
+# Steps no farther than this count at once, like hits of the lidar [m].
+STEPS_NEAR = 1.5
+# No map has these revisions.
+NOTHING_DRAWN = (-1, -1)
 # States of a driver in which it has done with a goal.
 ENDS = ('arrived', 'refused', 'failed')
 
@@ -53,7 +58,8 @@ class Navigator:
     `move` comes with each odometry, `see` with each scan and the odometry of its instant, `step`
     at a steady rate. It reads no clock. `on_end` are told how each goal has ended. It drives only
     while odometry, and a lidar not silent for more than `silence` [s], are heard; a goal that has
-    to wait for long ends.
+    to wait for long ends. Of a robot with legs, `ground` is what it knows of the ground, if
+    anything.
     """
 
     def __init__(
@@ -68,6 +74,7 @@ class Navigator:
         self.keepout = keepout
         self._was_inside = False  # of a keepout area
         self.pilot = pilot
+        self.ground: Traversability | None = None
         self._explorer = explorer
         self._is_searching = False  # for a way to unknown space
         self._searched = 0.0  # since it has looked what it has seen [s]
@@ -83,7 +90,8 @@ class Navigator:
         self._was_placed = False  # since the goal came
         self._seen: tuple[Scan, np.ndarray] | None = None
         self._grid: Grid | None = None
-        self._revision, self._drawn = 0, -1  # of the map that is planned on, and of the locator's
+        # Of the map that is planned on; of the locator's and of the ground in it.
+        self._revision, self._drawn = 0, NOTHING_DRAWN
         self._looked = 0.0
 
     @property
@@ -113,6 +121,12 @@ class Navigator:
     def grid(self) -> Grid:
         """The map that is planned on, which is at most LOOK_PERIOD old while it drives."""
         return self._look()
+
+    @property
+    def seen(self) -> Grid:
+        """The map with what is known of the ground."""
+        grid = self.locator.grid
+        return grid if self.ground is None else self.ground.over(grid)
 
     @property
     def notice(self) -> str:
@@ -187,7 +201,7 @@ class Navigator:
         self.goal = self.last_goal = goal
         self.outcome, self.elapsed = None, 0.0
         self._waited, self._was_placed = 0.0, False
-        self._looked, self._drawn = math.inf, -1
+        self._looked, self._drawn = math.inf, NOTHING_DRAWN
         self._is_searching = False
         self.pilot.set_goal(goal, self.is_mapping)
 
@@ -233,6 +247,7 @@ class Navigator:
             self._end(Outcome('failed', self.notice))
             return np.zeros(3)
         grid = self._look()
+        self.pilot.shape = self._straighten
         velocity = self.pilot.step(
             grid, self._revision, pose, self._odometry.velocity, self._take_scan(), dt
         )
@@ -307,10 +322,12 @@ class Navigator:
         if self._grid is None or self._looked >= LOOK_PERIOD:
             self._looked = 0.0
             is_inside = self._is_kept_out
-            is_old = self._drawn != self.locator.revision
+            ground = 0 if self.ground is None else self.ground.revision
+            newest = self.locator.revision, ground
+            is_old = self._drawn != newest
             if self._grid is None or is_old or is_inside or self._was_inside:
                 self._was_inside = is_inside
-                self._grid, self._drawn = self._map(), self.locator.revision
+                self._grid, self._drawn = self._map(), newest
                 self._revision += 1
         return self._grid
 
@@ -327,20 +344,31 @@ class Navigator:
 
     def _known(self) -> Grid:
         """Return the map, with a goal beyond it where it grows."""
-        grid, goal = self.locator.grid, self.goal
+        grid, goal = self.seen, self.goal
         if goal is None or not self.is_mapping or not np.isfinite(goal).all():
             return grid
         high = grid.to_points(np.array(grid.cells.shape)[None])[0]
         off = np.abs(goal[:2] - np.clip(goal[:2], grid.origin, high)).max()
         return grid.grown_to(goal[:2], AROUND_GOAL) if off <= BEYOND else grid
 
+    def _straighten(self, velocity: np.ndarray) -> np.ndarray:
+        """Return a velocity that climbs straight, where the ground is steep."""
+        if self.ground is None or self._odometry is None:
+            return velocity
+        way = transform(inverse(self.locator.correction), self.pilot.path.copy())
+        return self.ground.straighten(velocity, self._odometry.pose, way)
+
     def _take_scan(self) -> Scan | None:
         """Return a scan that has come since the last call, in the base frame of now."""
         if self._seen is None or self._odometry is None:
             return None
         (scan, at), self._seen = self._seen, None
-        moved = compose(inverse(self._odometry.pose), at)
-        return scan.seen_from(moved)
+        base = inverse(self._odometry.pose)
+        scan = scan.seen_from(compose(base, at))
+        if self.ground is None:
+            return scan
+        steps = self.ground.steps_near(self._odometry.pose, STEPS_NEAR)
+        return scan.with_hits(transform(base, steps))
 
     def _with_yaw(self, goal: np.ndarray) -> np.ndarray:
         """Return a goal with the yaw of the line to it where it has none."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records: a lidar's scan and an occupancy grid."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -29,6 +29,10 @@ MOST_RAYS = 100_000
 LONGEST_SWEEP = 1.0
 # So many rays beside each other may have got no echo, between others that have.
 MOST_LOST = 2
+
+
+# Which rays from begins (n, 2) to ends (n, 3) end on ground that the robot can walk on [m].
+IsGround = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -108,6 +112,17 @@ class Scan:
             transform(pose, self.begins),
         )
 
+    def with_hits(self, points: np.ndarray) -> 'Scan':
+        """Return it with rays that hit points, shape (m, 2) [m], too."""
+        if not len(points):
+            return self
+        return Scan(
+            self.origin,
+            np.concatenate((self.ends, points)),
+            np.concatenate((self.hits, np.ones(len(points), bool))),
+            np.concatenate((self.begins, np.repeat(self.origin[None], len(points), axis=0))),
+        )
+
     @property
     def points(self) -> np.ndarray:
         """What was hit, shape (m, 2) [m]."""
@@ -144,12 +159,17 @@ class Ranges(NamedTuple):
         return self.time_increment * np.arange(count)
 
 
-def read_ranges(said: Ranges, mount: Pose, moved: np.ndarray | None = None) -> Scan:
+def read_ranges(
+    said: Ranges,
+    mount: Pose,
+    moved: np.ndarray | None = None,
+    is_ground: IsGround | None = None,
+) -> Scan:
     """
     Return the rays of a lidar; `mount` is its pose in the level frame below the base.
 
     `moved`, shape (n, 3), is where the base was at each ray, as seen from where it is at the
-    scan's instant; else it stood still.
+    scan's instant; else it stood still. `is_ground` says in that frame which rays end on ground.
 
     Raises:
         InvalidMessage: its angles or limits are not finite, or it has more rays than any lidar.
@@ -164,7 +184,8 @@ def read_ranges(said: Ranges, mount: Pose, moved: np.ndarray | None = None) -> S
         raise InvalidMessage(f'wanted at most {MOST_RAYS} rays, got {len(said.ranges)}')
     ranges = np.array(said.ranges, dtype=float)
     angles = said.angle_min + said.angle_increment * np.arange(len(ranges))
-    return read_tilted_scan(ranges, angles, (said.range_min, said.range_max), mount, moved)
+    limits = said.range_min, said.range_max
+    return read_tilted_scan(ranges, angles, limits, mount, moved, is_ground)
 
 
 def read_scan(
@@ -193,12 +214,13 @@ def read_tilted_scan(
     limits: tuple[float, float],
     mount: Pose,
     moved: np.ndarray | None = None,
+    is_ground: IsGround | None = None,
 ) -> Scan:
     """
     Return the rays of a lidar that tilts, as seen from above; see `read_scan`, `read_ranges`.
 
     `mount` is the lidar's pose in a level frame below the base: its origin is at the height of
-    the floor, x is ahead. Rays that end on the floor tell nothing.
+    the floor, x is ahead. Rays that end on the floor, or on ground, tell nothing.
     """
     least, most = limits
     tells = (ranges >= least) & ~_is_lost(ranges, least, min(most, HORIZON))
@@ -213,6 +235,9 @@ def read_tilted_scan(
     begins = np.repeat(origin[None], len(ends), axis=0)
     if moved is not None:
         begins, ends = _carry(moved[tells], begins), _carry(moved[tells], ends)
+    if is_ground is not None:
+        heights = mount.position[2] + lengths * along[:, 2]
+        is_floor |= hits & is_ground(begins, np.column_stack((ends, heights)))
     return Scan(origin, ends[~is_floor], hits[~is_floor], begins[~is_floor])
 
 

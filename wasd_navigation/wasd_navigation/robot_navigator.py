@@ -18,6 +18,7 @@ from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_keepout, make_parts, make_pilot, Parts
 from wasd_navigation.records import Ranges, Scan
 from wasd_navigation.senses import Senses
+from wasd_navigation.traversability import Traversability
 from wasd_navigation.waypoints import Waypoints
 
 # While it explores it looks so often whether it has seen enough on its way to a frontier [s].
@@ -61,6 +62,7 @@ class RobotNavigator:
         self.senses.on_scan = self._see
         self.senses.warn = lambda words: self.warn(words)
         self._notice = ''
+        self._ground: Traversability | None = None
         self._explorer: Explorer | None = None
         self._waypoints: Waypoints | None = None
         self._home = np.zeros(3)  # where it began to explore
@@ -81,6 +83,12 @@ class RobotNavigator:
         keepout = make_keepout(settings)
         self.navigator = Navigator(*parts, settings.planning.silence, explorer, keepout)
         self.navigator.on_end.append(self._on_end)
+        self.use_ground(self._ground)
+
+    def use_ground(self, ground: Traversability | None) -> None:
+        """Let what is known of the ground, or nothing, count from now on."""
+        self._ground = self.navigator.ground = ground
+        self.senses.is_ground = None if ground is None else ground.is_ground
 
     def tune(self, settings: NavigatorParameters) -> None:
         """Take other parameters; what drives is made again, and stands before."""

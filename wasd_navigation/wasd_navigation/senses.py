@@ -2,6 +2,7 @@
 """Pairs scans with the odometry of their time."""
 
 from collections.abc import Callable
+from functools import partial
 import math
 from typing import Any
 
@@ -11,7 +12,8 @@ from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import Pose
 
 from wasd_navigation.odometry import moves_between, Odometry, OdometryMemory, read_odometry
-from wasd_navigation.records import Ranges, read_ranges, Scan
+from wasd_navigation.records import IsGround, Ranges, read_ranges, Scan
+from wasd_navigation.se2 import transform
 
 # Scans may come without odometry for so long, before that is said [s].
 PATIENCE = 5.0
@@ -23,12 +25,14 @@ class Senses:
 
     Times are told [s]. `on_scan` gets each scan, the odometry of its time, which is half way
     between its first ray and its last, the age [s] of its last ray, and that time; `warn` what is
-    wrong with what came. `odom_frame` and `base_frame` are named by odometry.
+    wrong with what came. `odom_frame` and `base_frame` are named by odometry. `is_ground`
+    says, in the frame of odometry, which rays end on ground that is no obstacle.
     """
 
     def __init__(self) -> None:
         self.warn: Callable[[str], Any] = lambda words: None
         self.on_scan: Callable[[Scan, Odometry, float, float], Any] = lambda *_: None
+        self.is_ground: IsGround | None = None
         self.odom_frame, self.base_frame = 'odom', ''
         self._memory = OdometryMemory()
         self._waiting: tuple[float, Ranges, str] | None = None  # for odometry, and its frame
@@ -118,11 +122,18 @@ class Senses:
         if ranges.time_increment > 0.0:
             moved = moves_between(odometry.pose, self._memory.poses(times))
         try:
-            scan = read_ranges(ranges, odometry.level @ mount, moved)
+            is_ground = None if self.is_ground is None else partial(self._is_ground, odometry.pose)
+            scan = read_ranges(ranges, odometry.level @ mount, moved, is_ground)
         except InvalidMessage as error:
             self.warn(f'scan: {error}: ignored')
             return
         self.on_scan(scan, odometry, age, middle)
+
+    def _is_ground(self, pose: np.ndarray, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Ask `is_ground` for rays of the level frame below a base with a pose, shape (3,)."""
+        assert self.is_ground is not None
+        placed = np.column_stack((transform(pose, ends[:, :2].copy()), ends[:, 2]))
+        return self.is_ground(transform(pose, begins), placed)
 
     def forget_odometry(self, now: float) -> None:
         """Forget where the robot was: odometry leaps at a time, and who saw what from where."""

@@ -14,6 +14,7 @@ from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.waypoints import Waypoints
 
 from wasd_bringup.run.drivers import Take
+from wasd_bringup.run.ground import ground_of
 from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.robot import Robot
 from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of
@@ -57,6 +58,7 @@ class NavigationDriver:
         self.unit.say = robot.say
         self.unit.refusal = lambda: robot.refusal
         robot.simulation.on_reset.append(self.unit.reset)
+        self._ground = ground_of(robot, self.unit)
         robot.drivers.on_take.append(self._give_way)
         listen_to_lidar(robot, tag, self.unit.senses, self._tell_odometry)
 
@@ -123,6 +125,8 @@ class NavigationDriver:
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
         self._tell_odometry()
+        if self._ground is not None:
+            self._ground.step()
         is_free = self.navigator.goal is None and not self.robot.refusal
         if self._explores and is_free and self.navigator.is_placed:
             self._explores = False
@@ -166,7 +170,7 @@ class NavigationDriver:
         if self._pictured is None or (
             self._pictured[0] != revision and now >= self._pictured[1] + PICTURE_PERIOD
         ):
-            grid, keepout = navigator.locator.grid, navigator.keepout
+            grid, keepout = navigator.seen, navigator.keepout
             grid = grid if keepout is None else keepout.shown_on(grid)
             self._pictured = revision, now, grid
         number, _, grid = self._pictured

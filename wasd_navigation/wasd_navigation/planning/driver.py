@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drives a robot to a goal: the state machine around route, sampler and docking."""
 
+from collections.abc import Callable
 import math
 from typing import NamedTuple
 
@@ -65,7 +66,8 @@ class Driver:
     the base frame, shape (3,). `state` is `idle`, `driving`, `turning` (at the goal, to its
     heading), `recovering`, `arrived`, `refused` or `failed`; `reason` says in a sentence why it
     is in that state, where there is something to say. `way` is of the plan, `recoveries` how
-    often it had to recover since the goal was set.
+    often it had to recover since the goal was set. `shape` returns the velocity for one that is
+    chosen.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Driver:
     ) -> None:
         self._limits, self._footprint = limits, footprint
         self._parameters = parameters or PlanningParameters()
+        self.shape: Callable[[np.ndarray], np.ndarray] = lambda velocity: velocity
         self._base = base_of(limits)
         self._sampler = Sampler(self._base, self._parameters.samples, self._parameters.horizon)
         self.reset()
@@ -200,7 +203,8 @@ class Driver:
             return self._stand('the pose or the velocity is not a number: the robot stands')
         assert self._pose is not None
         state = np.concatenate((self._pose, velocity))
-        return self._held(self._choose(state, dt), state)
+        asked = self._choose(state, dt)
+        return self._held(self.shape(asked) if self.state == 'driving' else asked, state)
 
     def pause(self) -> None:
         """Forget how it moves, before a time without steps; the goal stays."""

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a navigator knows of the ground: the elevation of a quadruped that walks by sight."""
+
+import numpy as np
+from quadruped_sim.elevation import Elevation
+from wasd_navigation.robot_navigator import RobotNavigator
+from wasd_navigation.traversability import Traversability
+
+from wasd_bringup.run.go2 import Go2
+from wasd_bringup.run.robot import Robot
+
+# The highest step that a Go2 climbs by sight [m], one after another; see docs/legs_math.md.
+CLIMB = 0.17
+# Heights are judged five times a second: once in so many clouds.
+CLOUDS_EACH = 3
+
+
+class Ground:
+    """Judges the elevation while the robot walks by sight."""
+
+    def __init__(self, robot: Go2, unit: RobotNavigator) -> None:
+        self._robot, self._unit = robot, unit
+        self._model = robot.legs.model
+        self.judged = Traversability(CLIMB * self._model.scale.of('m'))
+        self._clouds = 0
+        robot.elevation.on_map.append(self._take)
+        robot.simulation.on_reset.append(self.judged.reset)
+        unit.on_reset.append(self.judged.reset)
+
+    def step(self) -> None:
+        """Let it count while the eyes are open."""
+        self._unit.use_ground(self.judged if self._robot.legs.controller.eyes else None)
+
+    def _take(self, elevation: Elevation, now: float) -> None:
+        state, navigator = self._robot.legs.controller.robot, self._unit.navigator
+        self._clouds += 1
+        if state is None or not navigator.scans or self._clouds % CLOUDS_EACH:
+            return
+        cell = elevation.resolution
+        heights = np.empty((elevation.count, elevation.count))
+        first = elevation.write_window(heights, state.base.position)
+        floor = state.base.position[2] - state.height(self._model.geometry.foot_radius)
+        locator = navigator.locator
+        resolution = locator.grid.resolution
+        self.judged.take(heights, first * cell, cell, float(floor), locator.correction, resolution)
+
+
+def ground_of(robot: Robot, unit: RobotNavigator) -> Ground | None:
+    """Return what a robot's navigator will know of the ground; None without heights."""
+    if isinstance(robot, Go2) and robot.elevation.mapper is not None:
+        return Ground(robot, unit)
+    return None
