@@ -39,6 +39,7 @@ import quadrupeds
 import sight
 import slam
 import soak
+import stair_goals
 import stops
 from success import draw_success
 from table import describe_machine, format_table, Row
@@ -64,6 +65,7 @@ PARTS = {
     'goals': goals.measure,
     'guard': guard.measure,
     'sight': sight.measure,
+    'stairs': stair_goals.measure,
     'policy': policies.measure,
 }
 

@@ -82,6 +82,7 @@ CASES = (
     Case('step 20 cm', 'step:0.2', 3.0),
     Case('boxes 15 cm, 5 m', 'boxes:0.15', 5.8),
     Case('slope 30 degrees, friction 0.8', 'slope:30', 5.0, friction=0.8),
+    Case('slope 30 degrees down, friction 0.8', 'slope:-30', 5.0, friction=0.8),
     Case('gap 20 cm', 'gap:0.2', 2.8),
     Case('gap 30 cm', 'gap:0.3', 2.8, must=15),
     Case(f'course, {COURSE:g} m', 'course:{seed}', AHEAD + COURSE, must=18),

@@ -26,7 +26,10 @@ def scenario_the_map_grows(page: Page) -> None:
     page.wait_until(lambda: page.snapshot.navigation is not None, 'no map')
     assert (page.snapshot.navigation.cells == 100).sum() > 50
     page.show('floor')
-    page.show('save map')
+    window = page.cockpit.page.layout.place_of('map').rect
+    for order in ('save map', 'cancel goal', 'explore'):
+        page.show(order)
+        assert page.rects[order].right < window.right
     assert page.failed() == set()
 
 

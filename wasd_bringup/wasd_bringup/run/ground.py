@@ -34,7 +34,8 @@ class Ground:
     def _take(self, elevation: Elevation, now: float) -> None:
         state, navigator = self._robot.legs.controller.robot, self._unit.navigator
         self._clouds += 1
-        if state is None or not navigator.scans or self._clouds % CLOUDS_EACH:
+        is_due = self._clouds % CLOUDS_EACH == 0 and self._robot.legs.controller.eyes
+        if state is None or not navigator.scans or not is_due:
             return
         cell = elevation.resolution
         heights = np.empty((elevation.count, elevation.count))

@@ -173,7 +173,9 @@ class Map:
             ('cancel goal', '' if navigation.goal else 'there is no goal'),
             ('explore', navigation.no_exploring),
         ):
-            imgui.SameLine(0.0, 8.0)
+            # On a desk tabs leave no room for them.
+            if what != 'save map' or not page.layout.is_desk:
+                imgui.SameLine(0.0, 8.0)
             if page.widgets.button(what, what, (0.0, 26.0), refusal=refusal):
                 page.link.order(Order(what))
         words = navigation_words(navigation)
