@@ -19,6 +19,7 @@ from slam_anchor import map_by_karto, WHY_NOT
 from slam_logs import error_of, GO2_LIDAR, Log, make_logs, surface_distance
 from slam_physics import drive_mbot
 from slam_places import measure_places
+from slam_sill import measure_sill
 from slam_speed import measure_speed
 from table import format_count, Row
 from wasd_navigation.mapping import save_map
@@ -321,6 +322,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     rows += map_rows([trial for name in errors for trial in errors[name]])
     rows += localise_rows(located)
     rows += measure_places(map_once, list(seeds), note)
+    rows += measure_sill(len(seeds), note)
     note('slam: mbot in physics')
     rows.append(map_real_mbot(FIRST_SEED))
     rows.append(measure_speed(f'flat:{FIRST_SEED}', 1 if quick else 5, note))

@@ -195,3 +195,24 @@ def test_a_push_is_found_out_and_it_does_not_get_lost(grid: Grid, angle: float) 
         robot.go(pose)
         assert robot.localizer.is_found
     assert is_near(robot.localizer.pose, poses[75])
+
+
+def test_a_robot_whose_wheels_spin_says_that_it_is_stuck_until_it_backs_off(grid: Grid) -> None:
+    """It drives at 0.3 m/s and meets a sill; three seconds are 16 scans."""
+    robot, said = Robot(grid, np.array((-1.0, 0.0, 0.0))), []
+    step = np.array((0.3 / 5.5, 0.0, 0.0))
+    robot.localizer.start(robot.pose, 1e-4 * np.eye(3))
+    for _ in range(20):
+        robot.go(compose(robot.pose, step))
+        assert robot.localizer.notice is None
+    for _ in range(30):
+        robot._odometry = compose(robot._odometry, step)  # which the robot does not do
+        robot.go(robot.pose)
+        said.append(robot.localizer.is_stuck and 'stuck' in robot.localizer.notice)
+        assert is_near(robot.localizer.pose, robot.pose, 0.05)
+    assert said.index(True) <= 16
+    assert said[-1]
+    for _ in range(16):
+        robot.go(compose(robot.pose, -step))
+    assert robot.localizer.notice is None
+    assert is_near(robot.localizer.pose, robot.pose)

@@ -10,7 +10,7 @@ import numpy as np
 from wasd_navigation.mapping.local_map import Fit, fit_scan
 from wasd_navigation.mapping.search import Found, Pyramid, Search, Window, window_around
 from wasd_navigation.mapping.surface import find_surface, make_grid_map, RangeNoise
-from wasd_navigation.odometry import add_covariance, LEAP, OdometryGrowth
+from wasd_navigation.mapping.tracker import ROUNDS, STUCK, Tracker, TRUST
 from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import compose, inverse, invert, wrap
@@ -24,9 +24,6 @@ PRIOR = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.06**2))
 WORSE, ALLOWED, LEAST = 0.5, 0.02, 0.55
 # Scans that the last one left, or one that was asked for, must have fitted.
 SCANS = 3
-ROUNDS = 12
-# What a fit tells is believed by this share: its errors are not independent.
-TRUST = 0.1
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
 LEAST_SHARE, MOST_MISFITS = 0.55, 8
 # After so many, or when suddenly less fits, it is searched for around its pose [m], [rad]: wheels
@@ -125,6 +122,7 @@ class Localizer:
         self._ranges = RangeNoise(self._parameters.range_noise, self._parameters.range_noise_share)
         # Cells are coarser than ranges.
         self._noise = math.hypot(self._parameters.range_noise, 0.3 * grid.resolution)
+        self._tracker = Tracker(self._noise)
         self.revision = 0
         self.closures = 0
         self._misfits = 0
@@ -139,25 +137,44 @@ class Localizer:
 
     def reset(self) -> None:
         """Forget where the robot is, and search for it everywhere."""
-        self._growth = OdometryGrowth()
-        self.pose = np.zeros(3)
-        self.covariance: np.ndarray = np.diag((1e2, 1e2, 10.0))
+        self._tracker.reset()
+        self._tracker.put(np.zeros(3), np.diag((1e2, 1e2, 10.0)))
         self.correction = np.zeros(3)
-        self.notice: str | None = None
+        self._words: str | None = None
         self._lose(None)
 
     def start(self, pose: np.ndarray, covariance: np.ndarray) -> None:
         """Believe that the robot is near a pose in the map, shape (3,), by a covariance (3, 3)."""
-        self.pose = np.array(pose, dtype=float)
+        self._tracker.put(pose, self.covariance)
         spread = DEVIATIONS * np.sqrt(np.clip(np.diag(covariance), 0.0, 1e4))
         reach = np.maximum(spread[:2], LEAST_REACH)
         self._lose(window_around(self.pose, reach, max(float(spread[2]), LEAST_TURN)))
-        self.notice = None
+        self._words = None
+
+    @property
+    def pose(self) -> np.ndarray:
+        """T_map_base at the last scan, shape (3,)."""
+        return self._tracker.pose
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the pose in the map's axes, shape (3, 3)."""
+        return self._tracker.covariance
 
     @property
     def is_found(self) -> bool:
         """Whether it is known where the robot is."""
         return self._hypotheses is None
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether the wheels turn and the robot does not come along."""
+        return self.is_found and self._tracker.is_stuck
+
+    @property
+    def notice(self) -> str | None:
+        """What there is to say, None where all is well."""
+        return self._words or (STUCK if self.is_stuck else None)
 
     def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
         """
@@ -168,9 +185,7 @@ class Localizer:
         if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
             return
         surface = find_surface(scan, self._ranges.step(scan)).points
-        move, growth = self._growth.step(odometry, covariance)
-        self.covariance = add_covariance(self.covariance, self.pose, move, growth)
-        self.pose = compose(self.pose, move)
+        move = self._tracker.move(odometry, covariance)
         if self._hypotheses is None:
             self._follow(scan, surface, move)
         else:
@@ -179,8 +194,7 @@ class Localizer:
 
     def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
         """Stay in place while the pose in the odom frame is another from now on, shapes (3,)."""
-        self._growth = OdometryGrowth()
-        self.covariance = self.covariance + LEAP
+        self._tracker.leap()
         self.correction = compose(compose(self.correction, before), inverse(after))
 
     def _fit(self, surface: np.ndarray, start: np.ndarray, prior: np.ndarray) -> Fit:
@@ -190,8 +204,7 @@ class Localizer:
         """Correct the pose by a scan, or doubt it."""
         if self._search is not None:
             self._moved = compose(self._moved, move)
-        prior = invert(self.covariance)
-        fit = self._fit(surface, self.pose, prior)
+        fit = self._tracker.fit(self._surfaces, surface)
         is_less = fit.share < max(LEAST_SHARE, self._usual - SUDDEN)
         self._pushed = self._pushed + 1 if is_less else 0
         if self._pushed >= PUSHED and self._seek(scan, surface, move, fit.share):
@@ -202,8 +215,7 @@ class Localizer:
                 self._say_moved(fit.share)
             return
         self._misfits = 0
-        self.pose = fit.pose
-        self.covariance = invert(prior + TRUST * fit.information)
+        self._tracker.believe(fit)
         self._compare(scan, surface, fit.share)
 
     def _seek(self, scan: Scan, surface: np.ndarray, move: np.ndarray, share: float) -> bool:
@@ -220,10 +232,9 @@ class Localizer:
         for pose in poses[:1]:
             fit = self._fit(surface, compose(pose, self._came), PRIOR)
             if fit.share > max(LEAST_SHARE, share + 0.5 * SUDDEN):
-                self.pose = fit.pose
-                self.covariance = invert(PRIOR + TRUST * fit.information)
+                self._tracker.put(fit.pose, invert(PRIOR + TRUST * fit.information))
                 self._misfits = self._pushed = self._drops = 0
-                self._search, self.notice = None, None
+                self._search, self._words = None, None
                 return True
         return False
 
@@ -235,7 +246,7 @@ class Localizer:
             self._near = None
         if self._search is None:
             if self._drops >= MOST_MISFITS:
-                self.notice = (
+                self._words = (
                     f'may have been moved by hand: {100 * share:.0f} % of what the lidar sees '
                     f'fits the map, before it was {100 * self._usual:.0f} %'
                 )
@@ -244,7 +255,7 @@ class Localizer:
             return
         if not self._search.work() or self._search.found is None:
             return
-        poses, self._search, self.notice = self._search.found.poses, None, None
+        poses, self._search, self._words = self._search.found.poses, None, None
         self._usual = share
         for pose in poses[:1]:
             if self._fit(surface, compose(pose, self._moved), PRIOR).share > share + 0.5 * SUDDEN:
@@ -252,7 +263,7 @@ class Localizer:
 
     def _say_moved(self, share: float) -> None:
         self._lose(None)
-        self.notice = (
+        self._words = (
             f'was moved by hand: {100 * share:.0f} % of what the lidar sees fits '
             'the map; searching all of it'
         )
@@ -285,16 +296,17 @@ class Localizer:
         if best is None:
             # Nothing fits: what was seen may not be in the map, or the window was wrong.
             self._lose(None)
-            self.notice = None
+            self._words = None
             return
-        self.pose = best.pose
+        self._tracker.pose = best.pose
         if self._hypotheses.is_decided(self._is_near):
-            self.covariance = invert(TRUST * best.information + 1e-3 * np.eye(3))
+            known = TRUST * best.information + 1e-3 * np.eye(3)
+            self._tracker.put(best.pose, invert(known))
             self._hypotheses, self._search = None, None
             self._usual, self._drops = best.share, 0
-            self.notice = None
+            self._words = None
             return
         count = len(self._hypotheses)
-        self.notice = (
+        self._words = (
             f'may be at {count} places: drive on to tell them apart' if count > 1 else None
         )

@@ -11,7 +11,7 @@ from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid, Search, window_around
 from wasd_navigation.mapping.session import Session
 from wasd_navigation.mapping.surface import find_surface, RangeNoise, Surface
-from wasd_navigation.mapping.tracker import ROUNDS, Tracker, TRUST
+from wasd_navigation.mapping.tracker import ROUNDS, STUCK, Tracker, TRUST
 from wasd_navigation.odometry import add_covariance, LEAP
 from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.records import Grid, Scan
@@ -38,7 +38,6 @@ ENOUGH = 3
 LOOK_AGAIN = 5
 # What is not known of the way on which somebody has carried it [m^2], [rad^2].
 CARRIED = np.diag((1e2, 1e2, 1e1))
-STUCK = 'stuck: the wheels turn, the robot does not move'
 # Loops that are off by less wait for others [m], [rad]; at most so many.
 LOOP_ERROR, MOST_UNSOLVED = np.array((0.004, 0.004, 0.002)), 10
 # How well a place is known before a loop is closed: standard deviations [m], [rad].

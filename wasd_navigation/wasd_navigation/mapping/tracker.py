@@ -25,6 +25,7 @@ LOOSE = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.1**2))
 # It is stuck that has come less than this share of so much way [m] within so many scans, of which
 # so many at least say that the wheels slip.
 STUCK_SHARE, STUCK_WAY, STUCK_SCANS, STUCK_SLIPS = 0.3, 0.3, 12, 3
+STUCK = 'stuck: the wheels turn, the robot does not move'
 
 
 class Tracker:
