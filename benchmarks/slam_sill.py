@@ -41,7 +41,7 @@ def write_room(seed: int, folder: Path) -> tuple[Path, float]:
     """Write a room with a sill across it as MJCF; return its file and where the sill is, x [m]."""
     random = np.random.default_rng((seed, 17))
     length, width = random.uniform(4.0, 7.0), random.uniform(3.0, 5.0)
-    sill = float(random.uniform(1.2, 0.5 * length - 0.3))
+    sill = float(random.uniform(1.0, 0.5 * length - 0.9))  # there is room behind it
     walls = [
         (0.5 * length + 0.05, 0.0, 0.05, 0.5 * width + 0.1),
         (-0.5 * length - 0.05, 0.0, 0.05, 0.5 * width + 0.1),
@@ -180,7 +180,7 @@ def go_over_sill(seed: int, world: Path, sill: float, grid: Grid | None = None) 
     """Send it to a goal behind a sill, then back to where it began."""
     ride = Ride(world, seed, grid)
     ride.drive(0.0, 2.0 * math.pi / LOOKS, LOOKS)
-    ended = ride.go(sill + 0.4, 0.0, 120.0)
+    ended = ride.go(sill + 0.5, 0.0, 120.0)
     back = ride.go(0.0, 0.0, 60.0)
     x, y, _ = where(ride.robot)
     return {

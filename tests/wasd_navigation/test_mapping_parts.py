@@ -6,6 +6,7 @@ import math
 from lidar_room import circle, look
 import numpy as np
 import pytest
+from wasd_navigation.mapping.local_map import count_fitting, Fit, fit_scan, make_local_map
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.places import Drawing, Places
@@ -13,7 +14,7 @@ from wasd_navigation.mapping.search import Pyramid, Search, Window
 from wasd_navigation.mapping.surface import find_surface, Noise, RangeNoise
 from wasd_navigation.odometry import add_covariance, OdometryGrowth
 from wasd_navigation.records import Grid, Scan
-from wasd_navigation.se2 import compose, inverse
+from wasd_navigation.se2 import compose, inverse, transform
 
 NOISE = Noise(0.012, 0.0)
 NOTHING = Scan(np.zeros(2), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
@@ -47,6 +48,72 @@ def test_walls_face_the_lidar() -> None:
     assert (np.einsum('ij,ij->i', points[:, :2], points[:, 2:4]) < 0.0).all()
     ahead = points[(points[:, 0] > 2.9) & (np.abs(points[:, 1]) < 0.8)]
     assert np.median(ahead[:, 2]) == pytest.approx(-1.0, abs=0.01)
+
+
+def look_at_legs(pose: np.ndarray, legs: np.ndarray, random: np.random.Generator) -> Scan:
+    """Return what an A1 sees of round legs, 5 cm across, in an empty hall, shape (n, 2)."""
+    angles = np.radians(np.arange(-180.0, 180.0))
+    ranges = np.full(360, np.inf)
+    for x, y in transform(inverse(pose), legs):
+        aside = np.abs(-np.sin(angles) * x + np.cos(angles) * y)
+        along = np.cos(angles) * x + np.sin(angles) * y
+        seen = (aside < 0.025) & (along > 0.0)
+        deep = np.sqrt(np.maximum(0.025**2 - aside**2, 0.0))
+        ranges[seen] = np.minimum(ranges[seen], (along - deep)[seen])
+    hits = ranges < 6.0
+    ranges = np.where(hits, ranges, 6.0) * (1.0 + 0.01 * hits * random.normal(size=360))
+    return Scan(np.zeros(2), rays(angles, ranges), hits)
+
+
+LEGS = np.array(((1.5, 0.4), (1.2, -1.6), (-1.4, 1.0), (-1.8, -0.9), (0.3, 2.1)))
+
+
+def test_the_legs_of_a_table_are_points_that_face_nowhere() -> None:
+    noise, random = Noise(0.012, 0.01), np.random.default_rng(12)
+    points = find_surface(look_at_legs(np.zeros(3), LEGS, random), noise).points
+    posts = points[(points[:, 2] == 0.0) & (points[:, 3] == 0.0)]
+    assert len(posts) == len(LEGS)
+    away = np.hypot(*(posts[:, None, :2] - LEGS[None]).T)
+    assert away.min(axis=0).max() < 0.07  # thrice the deviation of a range
+
+
+def test_a_wall_has_no_legs() -> None:
+    points = find_surface(look(np.zeros(3), np.random.default_rng(0)), NOISE).points
+    assert np.hypot(*points[:, 2:4].T).min() > 0.9
+
+
+def test_legs_alone_tell_where_a_robot_is() -> None:
+    noise, random = Noise(0.012, 0.01), np.random.default_rng(13)
+    local, places = make_local_map(8.0), Places()
+    for _ in range(10):
+        scan = look_at_legs(np.zeros(3), LEGS, random)
+        places.add(scan, find_surface(scan, noise), np.zeros(3))
+    places.show(local, np.zeros(2), np.arange(10))
+    pose = np.array((0.06, -0.05, 0.04))
+    points = find_surface(look_at_legs(pose, LEGS, random), noise).points
+    prior = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.1**2))
+    fit = Fit(*fit_scan(local, points, np.zeros(3), prior, 0.012, 24))
+    assert fit.share > 0.8
+    assert fit.pose == pytest.approx(pose, abs=0.02)
+
+
+def test_what_is_seen_where_nothing_was_known_speaks_against_no_pose() -> None:
+    """Points on a wall fit it; of others those that are where all is free do not fit."""
+    local, places = make_local_map(8.0), Places()
+    scan = look(np.zeros(3), np.random.default_rng(0))
+    surface = find_surface(scan, NOISE)
+    places.add(scan, surface, np.zeros(3))
+    places.show(local, np.zeros(2), np.arange(1))
+    canvas = Canvas(0.05)
+    canvas.draw(scan, surface, np.zeros(3))
+    other = np.array(((0.5, 0.1, -1.0, 0.0, 0.012), (9.0, 9.0, -1.0, 0.0, 0.012)))
+    points = np.concatenate((surface.points, other))
+    fits, new = count_fitting(local, points, np.zeros(3), 0.012, *canvas.odds)
+    assert fits >= 0.97 * len(surface.points)
+    assert len(points) - new - fits <= 0.03 * len(surface.points) + 1
+    alone = count_fitting(local, other[:1], np.zeros(3), 0.012, *canvas.odds)
+    beyond = count_fitting(local, other[1:], np.zeros(3), 0.012, *canvas.odds)
+    assert (alone, beyond) == ((0, 0), (0, 1))
 
 
 def test_a_canvas_grows_and_keeps_what_it_has() -> None:

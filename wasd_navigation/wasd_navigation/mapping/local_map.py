@@ -17,7 +17,7 @@ LEAST_COSINE = 0.7
 # One in so many points counts until the pose has settled so far [m], [rad]; then all do.
 COARSE, SETTLED = 4, 1e-3
 # What seems told where nothing is, as a share of the most that is told; a turn as a way [m].
-SPURIOUS, ARM = 0.03, 3.0
+SPURIOUS, ARM = 0.003, 3.0
 # Most surfaces that are kept.
 CAPACITY = 40_000
 
@@ -27,8 +27,8 @@ class LocalMap(NamedTuple):
     Surfaces by cells: up to two in each, which face different ways, as the two sides of a door.
 
     `slots`, shape (rows, columns, 2), has their row in `sums`, shape (n, 5), or -1: weight of
-    points, their mean x, y [m] and the direction of their normals nx, ny (while points are added:
-    the sums of these). `origin`, shape (2,), is the corner of
+    points, their mean x, y [m] and the direction of their normals nx, ny, (0, 0) of a post (while
+    points are added: the sums of these). `origin`, shape (2,), is the corner of
     the first cell, `used`, shape (1,), the number of rows in use.
     """
 
@@ -77,8 +77,9 @@ def add_surfaces(
         length = math.hypot(sums[3], sums[4])
         sums[1] /= sums[0]
         sums[2] /= sums[0]
-        sums[3] /= length
-        sums[4] /= length
+        if length > 0.0:
+            sums[3] /= length
+            sums[4] /= length
 
 
 @jit
@@ -113,7 +114,9 @@ def _add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None
                 )
                 break
             sums = local.sums[at]
-            if nx * sums[3] + ny * sums[4] > 0.5 * math.hypot(sums[3], sums[4]):
+            size = math.hypot(sums[3], sums[4])
+            is_post = nx == 0.0 and ny == 0.0
+            if (is_post and size == 0.0) or nx * sums[3] + ny * sums[4] > 0.5 * size:
                 sums[0] += weight
                 sums[1] += weight * x
                 sums[2] += weight * y
@@ -175,6 +178,35 @@ def _nearest(local: LocalMap, at: np.ndarray, facing: np.ndarray, out: np.ndarra
 
 
 @jit
+def _nearest_post(local: LocalMap, at: np.ndarray, out: np.ndarray) -> bool:
+    """Write the way to a point from the post that is near; False if none is."""
+    row = int(math.floor((at[1] - local.origin[1]) / CELL))
+    column = int(math.floor((at[0] - local.origin[0]) / CELL))
+    rows, columns = local.slots.shape[:2]
+    if row < 1 or column < 1 or row >= rows - 1 or column >= columns - 1:
+        return False
+    total, x, y = 0.0, 0.0, 0.0
+    for r in range(row - 1, row + 2):
+        for c in range(column - 1, column + 2):
+            for slot in range(2):
+                index = local.slots[r, c, slot]
+                if index < 0:
+                    break
+                n, px, py, ax, ay = local.sums[index]
+                if ax != 0.0 or ay != 0.0:
+                    continue
+                dx, dy = at[0] - px, at[1] - py
+                if dx * dx + dy * dy < REACH * REACH:
+                    total += n
+                    x += n * dx
+                    y += n * dy
+    if total <= 0.0:
+        return False
+    out[0], out[1] = x / total, y / total
+    return True
+
+
+@jit
 def fit_scan(
     local: LocalMap,
     surface: np.ndarray,
@@ -186,9 +218,9 @@ def fit_scan(
     """
     Return where a scan's surface, shape (m, 5), fits the map, near `start`.
 
-    Gauss-Newton on distances from point to surface, of each point's standard deviation or of
-    `noise` [m] where that is more, with Cauchy's weights, and on the distance from `start`, of
-    information `prior`, shape (3, 3).
+    Gauss-Newton on distances from point to surface, or from post to post, of each point's
+    standard deviation or of `noise` [m] where that is more, with Cauchy's weights, and on the
+    distance from `start`, of information `prior`, shape (3, 3).
     """
     pose, away, step = start.copy(), np.empty(3), np.empty(3)
     information, gradient, inside = np.zeros((3, 3)), np.zeros(3), 0
@@ -300,9 +332,23 @@ def _weigh_points(
         rx, ry = cos * px - sin * py, sin * px + cos * py
         at[0], at[1] = pose[0] + rx, pose[1] + ry
         facing[0], facing[1] = cos * ax - sin * ay, sin * ax + cos * ay
+        deviation = max(deviation, noise)
+        if ax == 0.0 and ay == 0.0:
+            if not _nearest_post(local, at, found):
+                continue
+            square = (found[0] * found[0] + found[1] * found[1]) / (deviation * deviation)
+            inside += square < 9.0
+            weight = 1.0 / (1.0 + square / 4.0) / (deviation * deviation)
+            for axis in range(2):
+                jacobian[0], jacobian[1] = 1.0 - axis, float(axis)
+                jacobian[2] = rx if axis == 1 else -ry
+                for i in range(3):
+                    gradient[i] += weight * jacobian[i] * found[axis]
+                    for j in range(3):
+                        information[i, j] += weight * jacobian[i] * jacobian[j]
+            continue
         if not _nearest(local, at, facing, found):
             continue
-        deviation = max(deviation, noise)
         error = found[0] / deviation
         inside += abs(error) < 3.0
         weight = 1.0 / (1.0 + error * error / 4.0) / (deviation * deviation)
@@ -313,3 +359,37 @@ def _weigh_points(
             for j in range(3):
                 information[i, j] += weight * jacobian[i] * jacobian[j]
     return inside
+
+
+@jit
+def count_fitting(
+    local: LocalMap,
+    surface: np.ndarray,
+    pose: np.ndarray,
+    noise: float,
+    odds: np.ndarray,
+    frame: tuple[float, int, int],
+) -> tuple[int, int]:
+    """
+    Return how many points fit at a pose, and how many others are not where all is free.
+
+    `odds` are those of cells, 0 where nothing is known; `frame` is as of `Canvas.odds`.
+    """
+    fits, new = 0, 0
+    out = np.zeros((3, 3)), np.zeros(3)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for index in range(surface.shape[0]):
+        if _weigh_points(local, surface[index : index + 1], pose, noise, out):
+            fits += 1
+            continue
+        x = pose[0] + cos * surface[index, 0] - sin * surface[index, 1]
+        y = pose[1] + sin * surface[index, 0] + cos * surface[index, 1]
+        column = int(math.floor(x / frame[0])) - frame[1]
+        row = int(math.floor(y / frame[0])) - frame[2]
+        is_new = False
+        for r in range(row - 1, row + 2):
+            for c in range(column - 1, column + 2):
+                inside = 0 <= r < odds.shape[0] and 0 <= c < odds.shape[1]
+                is_new = is_new or not inside or odds[r, c] >= 0.0
+        new += is_new
+    return fits, new

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from wasd_navigation.mapping.local_map import Fit, fit_scan, make_local_map
+from wasd_navigation.mapping.local_map import count_fitting, Fit, fit_scan, make_local_map
 from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid, Search, window_around
@@ -26,6 +26,8 @@ LEAST_SHARE = 0.55
 # [rad]; after so many scans in all of the map: then somebody has carried it. Fewer points tell
 # nothing.
 SLIP, SLIP_TURN, PATIENCE, FEWEST = 1.0, 0.8, 10, 40
+# Where much is new so many points must fit what is known.
+FEWEST_OF_NEW = 12
 LEAST_LOOP_SHARE = 0.55
 # At the same place is who is no farther from it than this share of what makes a new one, and
 # turned less [rad], where this share of a scan fits what was seen there, no farther off than this
@@ -211,7 +213,7 @@ class Mapper:
         before = compose(tracker.pose, inverse(move))
         self._since = add_covariance(self._since, before, move, tracker.move_growth)
         fit = tracker.fit(self._local, surface.points)
-        is_fit = fit.share >= LEAST_SHARE
+        is_fit = fit.share >= LEAST_SHARE or self._fits_what_is_known(surface, fit)
         self._misfits = 0 if is_fit or len(surface.points) < FEWEST else self._misfits + 1
         if is_fit:
             self._search = None
@@ -223,6 +225,13 @@ class Mapper:
             self._share = fit.share
             if self._misfits > 1:
                 self._seek(scan, surface, move)
+
+    def _fits_what_is_known(self, surface: Surface, fit: Fit) -> bool:
+        """Whether what a scan shows fits where anything is known: what is new tells nothing."""
+        points = surface.points
+        least = self._parameters.range_noise
+        fits, new = count_fitting(self._local, points, fit.pose, least, *self._drawing.odds)
+        return fits >= FEWEST_OF_NEW and fits >= LEAST_SHARE * (len(points) - new)
 
     def _seek(self, scan: Scan, surface: Surface, move: np.ndarray) -> None:
         """Search around for where the robot has slipped to, or everywhere, if it is not there."""

@@ -50,14 +50,18 @@ class Canvas:
         """Draw a scan with its surface, taken at a pose of the base."""
         self._cover(scan, pose)
         _draw(
-            self._odds,
-            (self._resolution, int(self._corner[0]), int(self._corner[1])),
+            *self.odds,
             pose,
             scan.begins,
             surface.ends,
             np.where(scan.hits, surface.slants, 0.0),
             surface.deviations,
         )
+
+    @property
+    def odds(self) -> tuple[np.ndarray, tuple[float, int, int]]:
+        """Log-odds, shape (rows, columns); resolution [m] and cell (x, y) of the first."""
+        return self._odds, (self._resolution, int(self._corner[0]), int(self._corner[1]))
 
     def grid(self) -> Grid:
         """Return what is known of each cell."""

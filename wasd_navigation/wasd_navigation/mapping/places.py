@@ -117,6 +117,11 @@ class Drawing:
             self._grid = self.revision, self._canvas.grid()
         return self._grid[1]
 
+    @property
+    def odds(self) -> tuple[np.ndarray, tuple[float, int, int]]:
+        """Log-odds of cells that are occupied, and their frame: see `Canvas.odds`."""
+        return self._canvas.odds
+
     def add_last(self, places: Places) -> None:
         """Draw the last place."""
         self._where = self._draw(self._canvas, self._where, places, len(places))

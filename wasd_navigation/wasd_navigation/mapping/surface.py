@@ -11,8 +11,9 @@ from wasd_navigation.mapping.local_map import add_surfaces, CELL, LocalMap, make
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan
 from wasd_navigation.se2 import transform
 
-# Neighbours of a point lie on the same surface within this distance [m] ...
-REACH = 0.16
+# Neighbours of a point lie on the same surface within this distance [m], or within so many
+# deviations of a range ...
+REACH, REACH_DEVIATIONS = 0.16, 8.0
 # ... at most so many on each side of it.
 MOST_NEIGHBOURS = 8
 # Variance across a surface over that along it, above which it is none.
@@ -28,6 +29,9 @@ NEAREST, FEWEST, LEARNT, MEDIAN, LARGEST_SHARE = 1.5, 30, 30, 0.6745, 0.05
 STEEP = 0.3
 # Cells whose nearest free cell is farther than this are inside of something [cells].
 DEPTH = 2
+# What is no wider than this [m], and on both sides of which rays go farther by so much [m] and so
+# many deviations, is a post; its middle is about so far behind what is seen [m].
+WIDEST_POST, LEAST_GAP, GAP_DEVIATIONS, POST = 0.09, 0.3, 4.0, 0.02
 # Normals are smoothed over neighbours within so many cells.
 SMOOTHED = 3
 
@@ -108,7 +112,8 @@ class Surface(NamedTuple):
     What of a scan lies on a surface.
 
     `points`, shape (m, 5): x, y [m] of each, the normal nx, ny there, of length 1 and
-    to where the lidar is, in the base frame, and the deviation of its place along that [m].
+    to where the lidar is, in the base frame, and the deviation of its place along that [m]. A
+    post, narrow and free on both sides, has the normal (0, 0): its place is known both ways.
     `slants`, shape (n,), is the cosine of the angle between each of the scan's rays and the normal
     where it ends, `GRAZING` where that is not known; `ends`, shape (n, 2), where rays meet the
     line through their neighbours, or end; `deviations`, shape (n,), of that along the ray [m].
@@ -138,7 +143,7 @@ def _find_surface(
     ends: np.ndarray, hits: np.ndarray, begins: np.ndarray, noise: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     count = ends.shape[0]
-    surface, slants = np.empty((count, 5)), np.full(count, GRAZING)
+    surface, slants = np.empty((2 * count, 5)), np.full(count, GRAZING)
     smooth, deviations = ends.copy(), np.full(count, noise[0])
     found = 0
     for index in range(count):
@@ -149,6 +154,7 @@ def _find_surface(
         length = max(1e-9, math.hypot(to_x, to_y))
         deviation = max(noise[0], noise[1] * length)
         deviations[index] = deviation
+        reach = max(REACH, REACH_DEVIATIONS * deviation)
         n, sx, sy, sxx, sxy, syy = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for side in (-1, 1):
             for step in range(1, MOST_NEIGHBOURS + 1):
@@ -156,7 +162,7 @@ def _find_surface(
                 if other < 0 or other >= count or not hits[other]:
                     break
                 dx, dy = ends[other, 0] - x, ends[other, 1] - y
-                if dx * dx + dy * dy > REACH * REACH:
+                if dx * dx + dy * dy > reach * reach:
                     break
                 n += 1.0
                 sx += dx
@@ -194,7 +200,50 @@ def _find_surface(
             )
             # Of a mean of n, at an end of the line more.
             deviations[index] = deviation / math.sqrt(0.5 * n)
+    found = _add_posts(ends, hits, begins, noise, surface, found)
     return surface[:found].copy(), slants, smooth, deviations
+
+
+@jit
+def _add_posts(
+    ends: np.ndarray,
+    hits: np.ndarray,
+    begins: np.ndarray,
+    noise: tuple[float, float],
+    surface: np.ndarray,
+    found: int,
+) -> int:
+    """Add what is narrow and stands free, as the legs of a table; return how many there are."""
+    count = ends.shape[0]
+    ranges = np.empty(count)
+    for index in range(count):
+        ranges[index] = math.hypot(
+            ends[index, 0] - begins[index, 0], ends[index, 1] - begins[index, 1]
+        )
+    first = 1
+    while first < count - 1:
+        deviation = max(noise[0], noise[1] * ranges[first])
+        gap = LEAST_GAP + GAP_DEVIATIONS * deviation
+        last = first
+        while last < count - 1 and hits[last + 1] and abs(ranges[last + 1] - ranges[last]) < gap:
+            last += 1
+        width = math.hypot(ends[last, 0] - ends[first, 0], ends[last, 1] - ends[first, 1])
+        if hits[first] and last < count - 1 and width < WIDEST_POST + deviation:
+            n, x, y, length = last - first + 1, 0.0, 0.0, 0.0
+            for index in range(first, last + 1):
+                x += ends[index, 0] / n
+                y += ends[index, 1] / n
+                length += ranges[index] / n
+            is_free = ranges[first - 1] > length + gap and ranges[last + 1] > length + gap
+            if is_free and found < surface.shape[0]:
+                away = POST / max(1e-9, length)
+                surface[found, 0] = x + away * (x - begins[first, 0])
+                surface[found, 1] = y + away * (y - begins[first, 1])
+                surface[found, 2] = surface[found, 3] = 0.0
+                surface[found, 4] = math.hypot(deviation / math.sqrt(n), POST)
+                found += 1
+        first = last + 1
+    return found
 
 
 def make_grid_map(grid: Grid) -> LocalMap:
