@@ -16,6 +16,7 @@ from mujoco_sim.flats import Flat, make_flat
 import numpy as np
 from PIL import Image
 from slam_anchor import map_by_karto, WHY_NOT
+from slam_localise import measure_localising
 from slam_logs import error_of, GO2_LIDAR, Log, make_logs, surface_distance
 from slam_physics import drive_mbot
 from slam_places import measure_places
@@ -322,6 +323,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     rows += map_rows([trial for name in errors for trial in errors[name]])
     rows += localise_rows(located)
     rows += measure_places(map_once, list(seeds), note)
+    rows += measure_localising(len(seeds), note)
     rows += measure_sill(len(seeds), note)
     note('slam: mbot in physics')
     rows.append(map_real_mbot(FIRST_SEED))

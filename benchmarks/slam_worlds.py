@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 import math
+from typing import NamedTuple
 
 from mujoco_sim.flats import Flat, make_flat
 import numpy as np
@@ -63,6 +64,45 @@ def make_office_of_legs(seed: int) -> Flat:
             legs = (x + cos * along - sin * across, y + sin * along + cos * across)
             boxes.append((*legs, LEG, LEG, turn))
     return _flat(boxes, (-10.1, -8.1))
+
+
+class EqualRooms(NamedTuple):
+    """Two rooms that are equal, side by side, and a corridor before both that is not."""
+
+    flat: Flat
+    middles: np.ndarray  # of the rooms, shape (2, 2) [m]; the first is the origin
+    size: tuple[float, float]  # of each [m]
+    corridor: float  # y of its middle [m]
+    ends: tuple[float, float]  # x of the corridor's ends [m]
+
+
+def make_equal_rooms(seed: int) -> EqualRooms:
+    """Return two rooms with the same things in them, their doors and a corridor."""
+    random = np.random.default_rng((seed, 9))
+    width, depth = random.uniform(3.2, 4.5), random.uniform(3.0, 4.0)
+    wide, door = 1.6, 0.5  # of the corridor, and half of a door [m]
+    step = width + 2.0 * HALF
+    low, high = -0.5 * width, step + 0.5 * width
+    front, back = -0.5 * depth, 0.5 * depth
+    bottom = front - 2.0 * HALF - wide
+    at = random.uniform(-0.2, 0.2) * width  # of the door
+    shelf, chest = random.uniform(-0.3, 0.3) * width, random.uniform(-0.1, 0.3) * depth
+    boxes = [(0.5 * step, 0.0, HALF, 0.5 * depth, 0.0)]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    boxes += [(middle, y, half + 2.0 * HALF, HALF, 0.0) for y in (back + HALF, bottom - HALF)]
+    y, long = 0.5 * (back + bottom), 0.5 * (back - bottom)
+    boxes += [(x, y, HALF, long, 0.0) for x in (low - HALF, high + HALF)]
+    for x in (0.0, step):
+        left, right = x - 0.5 * width - HALF, x + 0.5 * width + HALF
+        for begin, end in ((left, x + at - door), (x + at + door, right)):
+            boxes.append((0.5 * (begin + end), front - HALF, 0.5 * (end - begin), HALF, 0.0))
+        boxes.append((x + shelf, back - 0.15, 0.4, 0.15, 0.0))
+        boxes.append((x - 0.5 * width + 0.2, chest, 0.2, 0.3, 0.0))
+    boxes.append((low + 0.2, front - 2.0 * HALF - 0.3, 0.2, 0.3, 0.0))  # at one end only
+    flat = _flat(boxes, (low - 0.1, bottom - 0.1))
+    flat = Flat(**{**vars(flat), 'size': np.array((high - low + 0.2, back - bottom + 0.2))})
+    middles = np.array(((0.0, 0.0), (step, 0.0)))
+    return EqualRooms(flat, middles + (at, 0.0), (width, depth), bottom + 0.5 * wide, (low, high))
 
 
 def drive_block(flat: Flat, length: float, seed: int) -> np.ndarray:

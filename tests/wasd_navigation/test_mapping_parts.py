@@ -11,7 +11,7 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.search import Pyramid, Search, Window
-from wasd_navigation.mapping.surface import find_surface, Noise, RangeNoise
+from wasd_navigation.mapping.surface import find_surface, make_grid_map, Noise, RangeNoise
 from wasd_navigation.odometry import add_covariance, OdometryGrowth
 from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import compose, inverse, transform
@@ -95,6 +95,18 @@ def test_legs_alone_tell_where_a_robot_is() -> None:
     fit = Fit(*fit_scan(local, points, np.zeros(3), prior, 0.012, 24))
     assert fit.share > 0.8
     assert fit.pose == pytest.approx(pose, abs=0.02)
+
+
+def test_what_is_small_and_free_all_around_in_a_grid_is_a_post() -> None:
+    cells = np.zeros((60, 80), dtype=np.int8)
+    cells[0] = cells[-1] = cells[:, 0] = cells[:, -1] = 100
+    cells[20:22, 30:32] = cells[40, 50] = 100  # a leg of four cells, and one of one
+    cells[30:38, 60] = 100  # a short wall
+    local = make_grid_map(Grid(cells, 0.05, (-1.0, -2.0)))
+    sums = local.sums[: local.used[0]]
+    posts = sums[(sums[:, 3] == 0.0) & (sums[:, 4] == 0.0), 1:3]
+    assert posts[posts[:, 0].argsort()] == pytest.approx(np.array(((0.55, -0.95), (1.525, 0.025))))
+    assert len(sums) > 100
 
 
 def test_what_is_seen_where_nothing_was_known_speaks_against_no_pose() -> None:

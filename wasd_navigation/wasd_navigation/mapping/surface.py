@@ -32,6 +32,8 @@ DEPTH = 2
 # What is no wider than this [m], and on both sides of which rays go farther by so much [m] and so
 # many deviations, is a post; its middle is about so far behind what is seen [m].
 WIDEST_POST, LEAST_GAP, GAP_DEVIATIONS, POST = 0.09, 0.3, 4.0, 0.02
+# In a grid a post is no larger than so many cells each way; at most so many are looked for.
+POST_CELLS, MOST_POSTS = 3, 10_000
 # Normals are smoothed over neighbours within so many cells.
 SMOOTHED = 3
 
@@ -247,15 +249,75 @@ def _add_posts(
 
 
 def make_grid_map(grid: Grid) -> LocalMap:
-    """Return the surfaces of a grid: occupied cells near free ones, which they face."""
-    cells, normals = _find_facing(grid.cells == OCCUPIED, grid.cells == FREE)
-    points = np.hstack((grid.to_points(cells), normals, np.ones((len(cells), 1))))
+    """Return the surfaces of a grid: occupied cells near free ones, which they face; and posts."""
+    occupied, free = grid.cells == OCCUPIED, grid.cells == FREE
+    posts = _take_posts(occupied, free)
+    cells, normals = _find_facing(occupied, free)
+    points = np.zeros((len(cells) + len(posts), 5))
+    points[:, :2] = grid.to_points(np.concatenate((cells, posts)))
+    points[: len(cells), 2:4] = normals
+    points[:, 4] = 1.0
     size = grid.resolution * np.array(grid.cells.shape[::-1])
     local = make_local_map(0.5 * float(size.max(initial=1.0)) + 2.0 * CELL, len(points) + 1)
     local.clear(np.array(grid.origin) + 0.5 * size)
     begins = np.array((0, len(points)))
     add_surfaces(local, np.zeros((1, 3)), points, begins, np.zeros(1, dtype=np.int64))
     return local
+
+
+@jit
+def _take_posts(occupied: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """
+    Return middles (row, column), shape (n, 2), of what is small and free all around.
+
+    Their cells are taken out of `occupied`.
+    """
+    rows, columns = occupied.shape
+    middles, count = np.empty((MOST_POSTS, 2)), 0
+    inside = np.empty((POST_CELLS * POST_CELLS, 2), dtype=np.int64)
+    for row in range(1, rows - POST_CELLS):
+        for column in range(POST_CELLS, columns - POST_CELLS):
+            if not occupied[row, column] or count == MOST_POSTS:
+                continue
+            low, high, last, used = column, column, row, 0
+            inside[0, 0], inside[0, 1] = row, column
+            used, at = 1, 0
+            is_post = True
+            while at < used and is_post:
+                for r in range(inside[at, 0] - 1, inside[at, 0] + 2):
+                    for c in range(inside[at, 1] - 1, inside[at, 1] + 2):
+                        if not (0 <= r < rows and 0 <= c < columns and occupied[r, c]):
+                            continue
+                        is_known = False
+                        for index in range(used):
+                            is_known |= inside[index, 0] == r and inside[index, 1] == c
+                        if is_known:
+                            continue
+                        low, high, last = min(low, c), max(high, c), max(last, r)
+                        is_wide = high - low >= POST_CELLS or last - row >= POST_CELLS
+                        if r < row or is_wide or used == len(inside):
+                            is_post = False
+                            continue
+                        inside[used, 0], inside[used, 1] = r, c
+                        used += 1
+                at += 1
+            if not is_post:
+                continue
+            around, known = 0, 0
+            for r in range(row - 1, last + 2):
+                for c in range(low - 1, high + 2):
+                    around += not occupied[r, c]
+                    known += free[r, c]
+            if 2 * known < around:
+                continue
+            x, y = 0.0, 0.0
+            for index in range(used):
+                occupied[inside[index, 0], inside[index, 1]] = False
+                y += inside[index, 0] / used
+                x += inside[index, 1] / used
+            middles[count, 0], middles[count, 1] = y, x
+            count += 1
+    return middles[:count].copy()
 
 
 @jit
