@@ -34,6 +34,7 @@ import mbot
 from mbot_accuracy import simulate, SQUARE
 from mbot_picture import draw_square
 import page
+import people
 import policies
 import quadrupeds
 import sight
@@ -64,6 +65,7 @@ PARTS = {
     'explore': explore.measure,
     'goals': goals.measure,
     'guard': guard.measure,
+    'people': people.measure,
     'sight': sight.measure,
     'stairs': stair_goals.measure,
     'policy': policies.measure,

@@ -96,6 +96,7 @@ class Scan:
     ends: np.ndarray
     hits: np.ndarray
     begins: np.ndarray = None  # type: ignore[assignment]
+    added: int = 0  # so many at the end are no rays of the lidar: see `with_hits`
 
     def __post_init__(self) -> None:
         """Let all rays begin at the origin if nothing else is said."""
@@ -110,6 +111,7 @@ class Scan:
             transform(pose, self.ends),
             self.hits,
             transform(pose, self.begins),
+            self.added,
         )
 
     def with_hits(self, points: np.ndarray) -> 'Scan':
@@ -121,12 +123,20 @@ class Scan:
             np.concatenate((self.ends, points)),
             np.concatenate((self.hits, np.ones(len(points), bool))),
             np.concatenate((self.begins, np.repeat(self.origin[None], len(points), axis=0))),
+            self.added + len(points),
         )
 
     @property
     def points(self) -> np.ndarray:
         """What was hit, shape (m, 2) [m]."""
         points: np.ndarray = self.ends[self.hits]
+        return points
+
+    @property
+    def own_points(self) -> np.ndarray:
+        """What the lidar's own rays have hit, in their order, shape (m, 2) [m]."""
+        own = len(self.ends) - self.added
+        points: np.ndarray = self.ends[:own][self.hits[:own]]
         return points
 
 

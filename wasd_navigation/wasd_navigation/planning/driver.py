@@ -29,6 +29,10 @@ _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
 # Of the margin, what all motions keep; and where there is hardly more [m].
 _KEPT, _NOISE = 0.5, 0.005
+# So long it waits for people to leave the way to a goal before that is refused [s].
+_FOR_PEOPLE, _AGAIN = 15.0, 0.5
+# Where they are about it recovers so many times as often: they go away.
+_WITH_PEOPLE = 2
 # How the reason ends for which it stands.
 _WAITING = ': waiting'
 # A goal where nobody had looked fails when it is seen for so long that it is none [s].
@@ -109,6 +113,7 @@ class Driver:
         before = self._route if self.state == 'driving' and self._docking is None else None
         if not self.is_under_way:
             self.pause()
+            self._around.movers.forget()
         if before is not None and before.values is None:
             before = self._before  # that one had no time to be drawn
         else:
@@ -121,6 +126,7 @@ class Driver:
         )
         self.state = 'driving'
         self._is_new, self._is_checked = True, False
+        self._refused_for, self._held_back = 0.0, 0.0
         self._seen_for, self._known = 0.0, 0.0
         if before is None:
             self._sampler.reset()
@@ -194,6 +200,7 @@ class Driver:
         known = bool(np.isfinite(pose).all() and np.isfinite(velocity).all())
         if known:
             self._filter.step(pose, velocity, dt)
+            self._around.movers.step(dt)
             self._around.take_map(grid, revision, pose[:2])
             if scan is not None:
                 self._around.see(scan, pose)
@@ -251,6 +258,7 @@ class Driver:
             self._footprint.circles,
             route.way,
             keep,
+            self._around.movers.now,
         )
 
     def _choose(self, state: np.ndarray, dt: float) -> np.ndarray:
@@ -258,7 +266,7 @@ class Driver:
         route = self._route
         assert route is not None
         was_new = self._is_new
-        if was_new and not self._begin(state[:3]):
+        if was_new and not self._begin(state[:3], dt):
             return self._bridge(state, dt)
         self._before = None
         # What has been drawn in a first step is enough for it.
@@ -305,10 +313,14 @@ class Driver:
         self._before.lead_from(state[:3])
         return self._sample(self._before, state, dt)
 
-    def _begin(self, pose: np.ndarray) -> bool:
+    def _begin(self, pose: np.ndarray, dt: float) -> bool:
         """Return whether there is a way to a new goal, as soon as that is known."""
         route = self._route
         assert route is not None
+        if self._held_back > 0.0:
+            self._held_back -= dt
+            self._refused_for += dt
+            return False
         # Each step does one thing: whoever presses a key meanwhile must not wait for all of them.
         if not self._is_checked:
             self._is_checked = True
@@ -319,7 +331,7 @@ class Driver:
             if reason is None and is_shut_off(route.goal, pose, self._around, self._footprint):
                 reason = self._no_way(route.goal)
             if reason is not None:
-                self._end('refused', reason)
+                self._refuse(reason, dt)
             return False
         if route.values is None and not route.is_drawing:
             route.draw(self._around)
@@ -331,9 +343,38 @@ class Driver:
             return False
         self._is_new = False
         if route.left(pose) == math.inf:
-            self._end('refused', self._no_way(route.goal))
+            self._is_new = True
+            self._refuse(self._no_way(route.goal), dt)
             return False
         return True
+
+    def _refuse(self, reason: str, dt: float) -> None:
+        """
+        Refuse the goal, but not because of what was marked and is out of sight now.
+
+        Where people are about, wait a while for them to go away.
+        """
+        self._refused_for += dt
+        route, layer, is_marked = self._route, self._around.layer, False
+        assert route is not None
+        if layer.marks.any():
+            layer.forget()
+            may_go = self._around.movers.are_about or layer.is_new
+            is_marked = may_go and self._refused_for <= _FOR_PEOPLE
+        if not is_marked:
+            self._end('refused', reason)
+            return
+        self._held_back = 0.0 if layer.is_new else _AGAIN
+        self.state, self.reason = 'recovering', f'{reason}{_WAITING}'
+        self._is_checked = False
+        self.local_path = np.empty((0, 2))
+        self._route = Route(
+            route.asked,
+            self._footprint,
+            self._base,
+            self._parameters,
+            route.may_be_unknown,
+        )
 
     def _may_aim(self, goal: np.ndarray) -> bool:
         """Whether a place near a goal, which is none, may be one: it is on the map."""
@@ -398,6 +439,8 @@ class Driver:
         most = self._parameters.recoveries
         if self._route is not None and self._to_look(self._route.goal):
             most = min(most, _UNSEEN)  # there are other places to look from
+        if self._around.movers.are_about:
+            most *= _WITH_PEOPLE
         if self._in_a_row >= most or self.recoveries >= _IN_ALL * most:
             self._end('failed', f'{why}, after {self.recoveries} recoveries')
             return
@@ -435,7 +478,8 @@ class Driver:
         self._no_nearer = 0.0
         self._around.layer.forget()
         self._begin_recovery(self.reason.removesuffix(_WAITING))
-        if not self._is_hemmed_in():
+        # Somebody may wait for room himself, as before a door that the robot stands in.
+        if not (self._is_hemmed_in() or self._around.movers.are_about):
             self._manoeuvre = None
         return np.zeros(3)
 

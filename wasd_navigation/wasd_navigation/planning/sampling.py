@@ -29,6 +29,11 @@ _TEMPERATURE = 0.04
 # What costs how much [m of way]: a step nearer than the margin, one that touches; a second at
 # no comfort; a radian turned; a metre of any way, and one backward.
 _TOO_NEAR, _TOUCHES, _DISCOMFORT = 3.0, 30.0, 0.1
+# Somebody who comes nearer than this at a standstill touches a robot that is not to blame: what
+# it costs then, as a share; what is foreseen counts less by this share each second.
+_NOT_TO_BLAME, _DOUBT = 0.2, 0.2
+# So fast he may leave the line that he walks on [m/s].
+_TURNS = 0.3
 _TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
 # Simple drivers: looks ahead [m] and shares of full speed of those that follow the way; and four
 # that turn left, turn right, back up and stand.
@@ -44,6 +49,7 @@ class Scene(NamedTuple):
     circles: np.ndarray
     way: np.ndarray
     keep: tuple[float, float]  # what all motions keep, and comfort [m]
+    movers: np.ndarray  # (n, 5): x, y, vx, vy and radius of those who move [m], [m/s]
 
 
 class Sampler:
@@ -124,6 +130,8 @@ def _try_all(
                 )
             move(state, motion[step], base, STEP)
             cost += _price(state, scene, base) + value_at(scene.values, state) / motion.shape[0]
+            if scene.movers.shape[0] > 0:
+                cost += _price_of_movers(state, scene, (step + 1) * STEP)
         costs[sample] = cost + value_at(scene.values, state)
 
 
@@ -160,6 +168,46 @@ def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
     if state[3] < 0.0:
         cost -= _BACKWARD * state[3] * STEP
     return cost
+
+
+@fast
+def _price_of_movers(state: np.ndarray, scene: Scene, time: float) -> float:
+    """Return what those who move make a state cost that is a time [s] ahead."""
+    least, comfort = scene.keep
+    room = room_to_movers(scene.movers, scene.circles, state, time)
+    if room >= comfort:
+        return 0.0
+    cost = _DISCOMFORT * (1.0 - room / comfort) ** 2 * STEP
+    if room < least:
+        cost += _TOO_NEAR * (1.0 + (least - room) / max(least, 0.01))
+    if room < 0.0:
+        cost += _TOUCHES * (1.0 - 3.0 * room)
+    if abs(state[3]) + abs(state[4]) + 0.3 * abs(state[5]) < 0.05:
+        cost *= _NOT_TO_BLAME
+    weighed: float = cost * max(1.0 - _DOUBT * time, 0.1)
+    return weighed
+
+
+@fast
+def room_to_movers(
+    movers: np.ndarray, circles: np.ndarray, state: np.ndarray, time: float
+) -> float:
+    """
+    Return the distance [m] from a footprint to where those who move may be, a time [s] from now.
+
+    Somebody may turn: the farther ahead, the more room he may need, up to a second ahead.
+    """
+    least: float = math.inf
+    turned = _TURNS * min(time, 1.0)
+    cos, sin = math.cos(state[2]), math.sin(state[2])
+    for one in range(movers.shape[0]):
+        x = movers[one, 0] + time * movers[one, 2] - state[0]
+        y = movers[one, 1] + time * movers[one, 3] - state[1]
+        for index in range(circles.shape[0]):
+            dx = x - cos * circles[index, 0] + sin * circles[index, 1]
+            dy = y - sin * circles[index, 0] - cos * circles[index, 1]
+            least = min(least, math.hypot(dx, dy) - circles[index, 2] - movers[one, 4])
+    return least - turned
 
 
 @fast
@@ -209,10 +257,12 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
     """
     Whether the robot can ask for a velocity for a time [s] and then stop, and touch nothing.
 
-    Where it is nearer to something than all motions keep, it may go away from it.
+    Where it is nearer to something than all motions keep, it may go away from it. Who moves goes
+    on as he does; once the robot stands, it is up to him.
     """
     state = state.copy()
     least = scene.keep[0]
+    apart = min(room_to_movers(scene.movers, scene.circles, state, 0.0), least)
     room = min(clearance(scene.distances, scene.circles, state, least), least)
     stop = np.zeros(3)
     passed = 0.0
@@ -220,6 +270,9 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
         move(state, asked if passed < time else stop, base, 0.5 * STEP)
         passed += 0.5 * STEP
         if clearance(scene.distances, scene.circles, state, least) < room - 1e-3:
+            return False
+        near = room_to_movers(scene.movers, scene.circles, state, passed)
+        if near < apart - 1e-3:
             return False
         if passed > 5.0:
             break

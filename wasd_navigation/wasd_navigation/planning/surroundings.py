@@ -8,6 +8,7 @@ from wasd_core.jit import jit
 
 from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning.distances import Field, measure_distances
+from wasd_navigation.planning.movers import Movers
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
 from wasd_navigation.se2 import transform
 
@@ -20,6 +21,8 @@ _LIFE = 3
 # allowed by an error of the heading, up to the latter. Of a box that is less deep than the former
 # before a wall, noise of the ranges marks some cells from near by, in time to stop.
 _OF_THE_MAP, _OF_THE_MAP_FAR, _PER_METRE = 0.06, 0.12, 0.03
+# Who moves is farther than this from all obstacles of the map [m].
+_OF_THE_MAP_OF_MOVERS = 0.15
 # Farther hits mark nothing: a small error of the heading is a large one there [m].
 _REACH = 4.0
 # What is marked is taken to be so deep, as seen from the robot, until its other side is seen [m].
@@ -186,6 +189,7 @@ class Surroundings:
     def __init__(self, footprint: Footprint, parameters: PlanningParameters) -> None:
         self._footprint, self._parameters = footprint, parameters
         self.layer = ObstacleLayer()
+        self.movers = Movers()
         self.revision = 0
         self.known = 0.0
         self.grid: Grid | None = None
@@ -239,6 +243,13 @@ class Surroundings:
     def see(self, scan: Scan, pose: np.ndarray) -> None:
         """Take a scan from a pose in the map, shape (3,)."""
         self.layer.see(scan, pose, self._of_map, self._footprint.inscribed)
+        points = transform(pose, scan.own_points)
+        cells = self.map_.to_cells(points)
+        inside = self.map_.covers(cells)
+        points, cells = points[inside], cells[inside]
+        is_other = self._of_map[tuple(cells.T)] > _OF_THE_MAP_OF_MOVERS
+        is_other &= self.map_.cells[tuple(cells.T)] != UNKNOWN  # all is new there
+        self.movers.see(points[is_other], transform(pose, scan.origin[None])[0])
 
     @property
     def _is_wall(self) -> np.ndarray:

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who moves in scans is followed; who stands, and walls, are not; a robot stops in time."""
+
+import math
+
+import numpy as np
+import pytest
+from wasd_navigation.parameters import DriveLimits, Footprint
+from wasd_navigation.planning.distances import Field
+from wasd_navigation.planning.driver import Driver
+from wasd_navigation.planning.motion import base_of, move
+from wasd_navigation.planning.movers import group, Movers
+from wasd_navigation.planning.sampling import is_safe, room_to_movers, Scene
+from wasd_navigation.records import Grid, Scan
+
+PERIOD = 0.18  # of a slow lidar [s]
+RAYS = np.linspace(-math.pi, math.pi, 360, endpoint=False)
+NOBODY = np.zeros((0, 5))
+
+
+def seen(place, half=0.2, noise=0.01, random=None):
+    """Return what a lidar at the origin sees of a square that stands at a place, (n, 2)."""
+    cos, sin = np.cos(RAYS), np.sin(RAYS)
+    low, high = np.array(place) - half, np.array(place) + half
+    with np.errstate(divide='ignore'):
+        first = np.stack((low[0] / cos, low[1] / sin))
+        last = np.stack((high[0] / cos, high[1] / sin))
+    near = np.minimum(first, last).max(axis=0)
+    far = np.maximum(first, last).min(axis=0)
+    hit = (near <= far) & (near > 0.0)
+    ranges = near[hit] + (0.0 if random is None else random.normal(0.0, noise, hit.sum()))
+    return ranges[:, None] * np.stack((cos[hit], sin[hit]), axis=1)
+
+
+def watch(place, velocity, seconds, random=None, movers=None):
+    """Let somebody walk; return who is known to move then, and where he is."""
+    movers = movers or Movers()
+    at = np.array(place, float)
+    for _ in range(round(seconds / PERIOD)):
+        at = at + PERIOD * np.array(velocity)
+        movers.step(PERIOD)
+        movers.see(seen(at, random=random), np.zeros(2))
+    return movers, at
+
+
+@pytest.mark.parametrize('velocity', [(0.0, 0.6), (-1.0, 0.0), (0.5, 0.5), (0.0, -1.4)])
+def test_a_walk_is_known_after_a_second(velocity):
+    random = np.random.default_rng(3)
+    movers, at = watch((3.5, 0.5), velocity, 1.1, random)
+    (row,) = movers.now
+    assert row[:2] == pytest.approx(at, abs=0.2)
+    assert row[2:4] == pytest.approx(velocity, abs=0.25)
+    assert 0.2 <= row[4] <= 0.4
+    assert movers.are_about
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_who_stands_does_not_move(seed):
+    random = np.random.default_rng(seed)
+    movers, _ = watch(random.uniform(1.0, 3.5, 2), (0.0, 0.0), 5.0, random)
+    assert len(movers.now) == 0
+    assert not movers.are_about
+
+
+def test_two_people_who_pass_each_other_are_two():
+    movers = Movers()
+    for tick in range(12):
+        time = tick * PERIOD
+        both = [seen((2.0 + 0.8 * time, 1.2)), seen((3.6 - 0.8 * time, 2.2))]
+        points = np.concatenate(both)
+        order = np.argsort(np.arctan2(points[:, 1], points[:, 0]))
+        movers.step(PERIOD)
+        movers.see(points[order], np.zeros(2))
+    rows = movers.now
+    assert len(rows) == 2
+    assert sorted(np.sign(rows[:, 2])) == [-1.0, 1.0]
+
+
+def test_who_is_not_seen_goes_on_for_a_moment_and_is_then_forgotten():
+    movers, at = watch((3.0, -1.0), (0.0, 1.0), 1.4)
+    movers.step(0.4)
+    (row,) = movers.now
+    assert row[:2] == pytest.approx(at + (0.0, 0.4), abs=0.25)
+    movers.step(0.5)
+    assert len(movers.now) == 0
+    assert movers.are_about
+    movers.step(30.0)
+    assert not movers.are_about
+
+
+def test_a_wall_is_nobody():
+    ys = np.linspace(-2.0, 2.0, 80)
+    wall = np.column_stack((np.full(80, 2.0), ys))
+    assert group(wall, np.zeros(2)) == []
+
+
+def test_a_group_goes_on_from_the_last_ray_to_the_first():
+    points = seen((-2.0, 0.0))
+    ((middle, radius),) = group(points, np.zeros(2))
+    assert middle == pytest.approx((-2.0, 0.0), abs=0.12)
+    assert radius < 0.4
+
+
+def test_nothing_seen_is_nobody():
+    assert group(np.zeros((0, 2)), np.zeros(2)) == []
+    assert group(np.ones((1, 2)), np.zeros(2)) == []
+
+
+def test_the_room_to_who_moves_is_in_closed_form():
+    movers = np.array([[2.0, 0.0, -0.5, 0.0, 0.3]])
+    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    circles = Footprint(radius=0.2).circles
+    assert room_to_movers(movers, circles, state, 0.0) == pytest.approx(1.5)
+    # He may have turned to one side.
+    assert room_to_movers(movers, circles, state, 2.0) == pytest.approx(0.5 - 0.3)
+    assert room_to_movers(NOBODY, circles, state, 0.0) == math.inf
+
+
+def scene(movers):
+    nothing = Field(np.full((1, 40, 40), 5.0, np.float32), -10.0, -10.0, 0.5)
+    circles = Footprint(radius=0.2).circles
+    return Scene(nothing, nothing, circles, np.zeros((1, 3)), (0.02, 0.2), movers)
+
+
+@pytest.mark.parametrize(
+    ('movers', 'may_drive'),
+    [
+        (NOBODY, True),
+        (np.array([[0.95, 0.0, 0.0, 0.0, 0.25]]), True),  # he stands, there is room to stop
+        (np.array([[0.95, 0.0, -1.0, 0.0, 0.25]]), False),  # he comes
+        (np.array([[0.95, 0.0, 1.0, 0.0, 0.25]]), True),  # he goes
+        (np.array([[0.6, 0.75, 0.0, -1.0, 0.25]]), False),  # he crosses
+        (np.array([[0.6, 2.5, 0.0, -1.0, 0.25]]), True),  # it stands before he is there
+    ],
+)
+def test_a_robot_asks_for_what_it_can_stop_from_before_who_comes_is_there(movers, may_drive):
+    base = base_of(DriveLimits())
+    state = np.array((0.0, 0.0, 0.0, 0.4, 0.0, 0.0))
+    asked = np.array((0.4, 0.0, 0.0))
+    assert is_safe(state, asked, scene(movers), base, 0.15) == may_drive
+    assert is_safe(0.0 * state, np.zeros(3), scene(movers), base, 0.0)
+
+
+def test_who_appears_near_is_taken_to_come_until_he_is_known():
+    movers = Movers()
+    movers.step(PERIOD)
+    movers.see(seen((1.2, 0.0)), np.zeros(2))
+    (row,) = movers.now
+    assert row[2:4] == pytest.approx((-1.0, 0.0), abs=0.05)
+    for _ in range(2):
+        movers.step(PERIOD)
+        movers.see(seen((1.2, 0.0)), np.zeros(2))
+    assert len(movers.now) == 0
+    assert not movers.are_about
+
+
+def test_hits_that_no_ray_has_made_are_nobody():
+    hits = Scan(np.zeros(2), seen((2.0, 0.0)), np.ones(len(seen((2.0, 0.0))), bool))
+    more = hits.with_hits(np.array([[0.5, 0.5], [0.6, 0.5]])).seen_from(np.array([1.0, 0.0, 0.0]))
+    assert more.own_points == pytest.approx(seen((2.0, 0.0)) + (1.0, 0.0))
+    assert len(more.points) == len(more.own_points) + 2
+
+
+class Hall:
+    """A robot in an empty hall of 8 x 6 m that a person walks through, at a line's places."""
+
+    def __init__(self, limits, footprint, line, speed):
+        cells = np.zeros((120, 160), np.int8)
+        cells[0] = cells[-1] = cells[:, 0] = cells[:, -1] = 100
+        self.grid = Grid(cells, 0.05, (0.0, 0.0))
+        self.driver, self.base = Driver(limits, footprint), base_of(limits)
+        self.state = np.array((1.0, 3.0, 0.0, 0.0, 0.0, 0.0))
+        self.footprint = footprint
+        self.begin, end = map(np.array, line)
+        self.along = (end - self.begin) / math.dist(end, self.begin)
+        self.length, self.speed = math.dist(end, self.begin), speed
+        self.touches, self.is_touching = 0, False
+        self.random = np.random.default_rng(5)
+
+    def run(self, seconds):
+        scanned = -1.0
+        for tick in range(round(seconds / 0.05)):
+            time = 0.05 * tick
+            place = self.begin + min(self.speed * time, self.length) * self.along
+            is_here = self.speed * time < self.length
+            scan = None
+            if time - scanned >= PERIOD:
+                scanned = time
+                scan = self.look(place if is_here else np.array((50.0, 50.0)))
+            pose, velocity = self.state[:3].copy(), self.state[3:].copy()
+            asked = self.driver.step(self.grid, 0, pose, velocity, scan, 0.05)
+            move(self.state, asked, self.base, 0.05)
+            if is_here:
+                self.count(place)
+            if not self.driver.is_under_way:
+                break
+        return self.driver.state
+
+    def look(self, place):
+        cos, sin = math.cos(self.state[2]), math.sin(self.state[2])
+        turn = np.array(((cos, -sin), (sin, cos)))
+        hit = seen(place - self.state[:2], random=self.random)
+        # What is not in the shadow of the person is seen to be free.
+        angles = np.arctan2(hit[:, 1], hit[:, 0])
+        free = [ray for ray in RAYS if not np.any(np.abs(angles - ray) < 0.01)]
+        away = 8.0 * np.stack((np.cos(free), np.sin(free)), axis=1)
+        points = np.concatenate((hit, away)) @ turn
+        hits = np.arange(len(points)) < len(hit)
+        order = np.argsort(np.arctan2(points[:, 1], points[:, 0]))
+        return Scan(np.zeros(2), points[order], hits[order])
+
+    def count(self, place):
+        """Count when the robot moves as the person, who is 40 cm wide, comes to touch it."""
+        is_touching = False
+        cos, sin = math.cos(self.state[2]), math.sin(self.state[2])
+        for x, y, radius in self.footprint.circles:
+            at = self.state[:2] + (cos * x - sin * y, sin * x + cos * y)
+            apart = np.maximum(np.abs(place - at) - 0.2, 0.0)
+            is_touching |= bool(np.hypot(*apart) < radius)
+        moves = np.hypot(*self.state[3:5]) > 0.03 or abs(self.state[5]) > 0.1
+        self.touches += bool(is_touching and not self.is_touching and moves)
+        self.is_touching = is_touching
+
+
+WHEELS = DriveLimits(), Footprint(radius=0.2)
+LEGS = (
+    DriveLimits(forward=0.4, backward=0.3, lateral=0.3, yaw=0.5, lag=0.3),
+    Footprint(half_length=0.34, half_width=0.164),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('robot', [WHEELS, LEGS], ids=['wheels', 'legs'])
+@pytest.mark.parametrize(
+    ('line', 'speed'),
+    [
+        (((3.0, 0.5), (3.0, 5.5)), 0.6),
+        (((3.4, 5.5), (3.4, 0.5)), 0.6),
+        (((2.6, 0.6), (2.6, 5.5)), 0.6),
+        (((6.8, 3.0), (0.5, 3.0)), 1.0),
+        (((6.5, 4.5), (1.0, 2.5)), 1.0),
+    ],
+)
+def test_nobody_who_walks_on_is_touched_by_a_robot_that_moves(robot, line, speed):
+    hall = Hall(*robot, line, speed)
+    hall.driver.set_goal(np.array((6.5, 3.0, 0.0)))
+    assert hall.run(60.0) == 'arrived'
+    assert hall.touches == 0
