@@ -465,3 +465,23 @@ def test_a_goal_that_is_refused_ends_the_one_before() -> None:
     drive.driver.set_goal(np.array((99.0, 1.0, 0.0)))
     assert drive.run(DT) == 'refused'
     assert not drive.asked.any()
+
+
+def test_a_goal_is_not_refused_for_marks_that_are_out_of_sight() -> None:
+    drive = wheels()
+    drive.look = box_seen(2.97, 2.8, 0.35)  # in the door
+    drive.driver.set_goal(np.array((1.1, 1.0, 0.0)))
+    drive.run(0.5)
+    drive.look = lambda pose: NOTHING
+    drive.run(20.0)
+    drive.driver.set_goal(np.array((5.0, 2.0, 0.0)))
+    assert drive.run(60.0) == 'arrived'
+
+
+def test_a_goal_behind_what_stands_in_the_door_is_refused_where_nobody_has_moved() -> None:
+    drive = wheels()
+    drive.look = box_seen(2.97, 2.8, 0.35)
+    drive.driver.set_goal(np.array((1.1, 1.0, 0.0)))
+    drive.run(0.5)
+    drive.driver.set_goal(np.array((5.0, 2.0, 0.0)))
+    assert drive.run(2.0) == 'refused'

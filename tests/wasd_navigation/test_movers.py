@@ -162,9 +162,9 @@ def test_hits_that_no_ray_has_made_are_nobody():
 
 
 class Hall:
-    """A robot in an empty hall of 8 x 6 m that a person walks through, at a line's places."""
+    """A robot in an empty hall of 8 x 6 m; a person walks along a line, stays, and is gone."""
 
-    def __init__(self, limits, footprint, line, speed):
+    def __init__(self, limits, footprint, line, speed, stays=0.0):
         cells = np.zeros((120, 160), np.int8)
         cells[0] = cells[-1] = cells[:, 0] = cells[:, -1] = 100
         self.grid = Grid(cells, 0.05, (0.0, 0.0))
@@ -174,22 +174,22 @@ class Hall:
         self.begin, end = map(np.array, line)
         self.along = (end - self.begin) / math.dist(end, self.begin)
         self.length, self.speed = math.dist(end, self.begin), speed
+        self.until, self.time, self.scanned = self.length / speed + stays, 0.0, -1.0
         self.touches, self.is_touching = 0, False
         self.random = np.random.default_rng(5)
 
     def run(self, seconds):
-        scanned = -1.0
-        for tick in range(round(seconds / 0.05)):
-            time = 0.05 * tick
-            place = self.begin + min(self.speed * time, self.length) * self.along
-            is_here = self.speed * time < self.length
+        for _ in range(round(seconds / 0.05)):
+            place = self.begin + min(self.speed * self.time, self.length) * self.along
+            is_here = self.time < self.until
             scan = None
-            if time - scanned >= PERIOD:
-                scanned = time
+            if self.time - self.scanned >= PERIOD:
+                self.scanned = self.time
                 scan = self.look(place if is_here else np.array((50.0, 50.0)))
             pose, velocity = self.state[:3].copy(), self.state[3:].copy()
             asked = self.driver.step(self.grid, 0, pose, velocity, scan, 0.05)
             move(self.state, asked, self.base, 0.05)
+            self.time += 0.05
             if is_here:
                 self.count(place)
             if not self.driver.is_under_way:
@@ -244,5 +244,19 @@ LEGS = (
 def test_nobody_who_walks_on_is_touched_by_a_robot_that_moves(robot, line, speed):
     hall = Hall(*robot, line, speed)
     hall.driver.set_goal(np.array((6.5, 3.0, 0.0)))
+    assert hall.run(60.0) == 'arrived'
+    assert hall.touches == 0
+
+
+@pytest.mark.slow
+def test_a_goal_waits_for_who_stands_in_the_door_if_he_came_a_moment_ago():
+    hall = Hall(*WHEELS, ((3.0, 1.0), (4.0, 3.0)), 0.8, stays=6.0)
+    hall.grid.cells[:, 79:82] = 100
+    hall.grid.cells[52:68, 79:82] = 0  # a door of 0.8 m
+    hall.driver.set_goal(np.array((2.0, 3.0, 0.0)))
+    hall.run(3.0)
+    hall.driver.set_goal(np.array((6.5, 3.0, 0.0)))
+    hall.run(0.5)
+    assert hall.driver.reason.endswith(': waiting')
     assert hall.run(60.0) == 'arrived'
     assert hall.touches == 0
