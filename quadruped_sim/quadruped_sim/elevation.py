@@ -18,6 +18,9 @@ LEAST_VARIANCE = 1e-6
 DRIFT = 2e-5
 # So many points, no farther above or below what is known, tell how odometry's height drifts [m].
 FEWEST, FARTHEST_OFF = 100, 0.04
+# A ray that passed so far below a cell's ground [m], so near to its end [m], says that it is none;
+# what is known then has this variance [m^2].
+BELOW, PASSED, CLEARED = 0.05, 0.3, 1e-4
 
 # What a cell knows, one layer each; votes are numbers of points, 0 for no height.
 _HEIGHT, _VARIANCE, _VOTES, _RIVAL, _RIVAL_VOTES = range(5)
@@ -75,6 +78,18 @@ class Elevation:
         fine = np.isfinite(points).all(axis=1) & np.isfinite(variances) & (variances > 0.0)
         column, row = self._first.tolist()
         _fuse(points[fine], variances[fine], self._layers, self.resolution, column, row)
+
+    def clear(self, points: np.ndarray, origin: np.ndarray) -> None:
+        """
+        Let rays vote that there is nothing where they passed.
+
+        They came from `origin` (3,) to points (n, 3) [m] of walls: those below the ground before
+        them, as of a gap, show that what they passed under is none.
+        """
+        fine = np.isfinite(points).all(axis=1)
+        column, row = self._first.tolist()
+        points = np.ascontiguousarray(points[fine], float)
+        _clear(points, np.asarray(origin, float), self._layers, self.resolution, column, row)
 
     def offset_of(self, points: np.ndarray) -> float:
         """Return the median height of points (n, 3) above the map [m]; 0 for few points."""
@@ -174,6 +189,55 @@ def _fuse(
             rival[i, j], rival_votes[i, j] = z, 1.0
         else:
             rival_votes[i, j] -= 1.0
+
+
+@jit
+def _clear(
+    points: np.ndarray,
+    origin: np.ndarray,
+    layers: np.ndarray,
+    resolution: float,
+    first_column: int,
+    first_row: int,
+) -> None:
+    """Vote by rays from `origin` to `points` for the heights at which they passed cells."""
+    count = layers.shape[1]
+    height, variance, votes = layers[_HEIGHT], layers[_VARIANCE], layers[_VOTES]
+    rival, rival_votes = layers[_RIVAL], layers[_RIVAL_VOTES]
+    cells = np.zeros((int(2.0 * PASSED / resolution) + 2, 2), np.int64)
+    depths = np.zeros(len(cells))
+    for k in range(len(points)):
+        dx, dy = origin[0] - points[k, 0], origin[1] - points[k, 1]
+        dz, way = origin[2] - points[k, 2], math.hypot(dx, dy)
+        found, ground = 0, -math.inf
+        for n in range(int(min(way, PASSED) / (0.5 * resolution)) + 1):
+            part = n * 0.5 * resolution / max(way, resolution)
+            column = math.floor((points[k, 0] + part * dx) / resolution)
+            row = math.floor((points[k, 1] + part * dy) / resolution)
+            if not (0 <= column - first_column < count and 0 <= row - first_row < count):
+                continue
+            i, j, z = row % count, column % count, points[k, 2] + part * dz
+            if votes[i, j] == 0.0:
+                continue
+            if z > height[i, j]:
+                ground = max(ground, height[i, j])
+            is_last = found > 0 and cells[found - 1, 0] == i and cells[found - 1, 1] == j
+            if height[i, j] - z > BELOW and not is_last:
+                cells[found, 0], cells[found, 1], depths[found] = i, j, z
+                found += 1
+        if ground - points[k, 2] < BELOW:
+            continue  # a riser: it stands on what is before it
+        for n in range(found):
+            i, j, z = cells[n, 0], cells[n, 1], depths[n]
+            if rival_votes[i, j] > 0.0 and height[i, j] - rival[i, j] > 0.5 * BELOW:
+                rival_votes[i, j] += 1.0
+                rival[i, j] += (z - rival[i, j]) / rival_votes[i, j]
+            else:
+                rival[i, j], rival_votes[i, j] = z, 1.0
+            if rival_votes[i, j] > votes[i, j]:
+                height[i, j], variance[i, j] = rival[i, j], CLEARED
+                votes[i, j] = min(rival_votes[i, j], MOST_VOTES)
+                rival_votes[i, j] = 0.0
 
 
 @jit

@@ -72,15 +72,17 @@ class ElevationMapper:
         self._seen_at = time
         self.elevation.move_to(odometry.position[:2])
         rotation = matrix_from_quaternion(odometry.orientation)
-        away = placed - odometry.position - rotation @ self._mount.position
-        ranges = np.linalg.norm(seen, axis=1)
-        used = (ranges > 0.0) & (ranges < FARTHEST) & ~_is_upright(placed, times)
-        away, ranges = away[used], ranges[used]
+        lidar = odometry.position + rotation @ self._mount.position
+        ranges, is_upright = np.linalg.norm(seen, axis=1), _is_upright(placed, times)
+        is_near = (ranges > 0.0) & (ranges < FARTHEST)
+        used = is_near & ~is_upright
+        away, ranges = placed[used] - lidar, ranges[used]
         along = RANGE_NOISE * away[:, 2] / ranges
         tilted = TILT_NOISE * np.hypot(away[:, 0], away[:, 1])
         ground = placed[used]
         self.elevation.lift(self.elevation.offset_of(ground))
         self.elevation.add(ground, along**2 + tilted**2)
+        self.elevation.clear(placed[is_near & is_upright], lidar)
         return True
 
 

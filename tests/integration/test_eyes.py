@@ -66,6 +66,22 @@ def test_by_sight_it_climbs_stairs_of_15_cm():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize('seed', [7001, 7003])
+def test_it_sees_a_gap_that_is_hardly_wider_than_a_foot_before_it_steps_into_it(seed):
+    """Both fell, as points of the rims fill a gap of 12 cm and those of its wall are no ground."""
+    dog = wasd.Go2('gap:0.12', seed=seed, eyes=True)
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('5')
+    dog.drive(0.4)
+    for _ in range(34):
+        dog.run(0.2)
+        assert dog.state == 'move base'
+        assert dog.truth.position[2] > 0.22
+    assert dog.truth.position[0] > 2.2
+
+
+@pytest.mark.slow
 def test_up_stairs_over_their_landing_and_down_odometry_is_right_to_one_percent_of_the_way():
     """It lost 65 cm of height on the landing: feet were drawn to the level of the floor."""
     dog = wasd.Go2('stairs:0.15', seed=122, eyes=True)

@@ -128,6 +128,54 @@ def test_a_step_s_edge_stays_sharp_under_noise_and_outliers():
     assert np.abs(off).max() < 0.01
 
 
+def gap_seen(elevation, width, spill=2):
+    """
+    See even ground with a gap from x = 0.4 m on, as noise spills it over: points in each cell.
+
+    Return the middles of the cells in the gap; rays come from 0.3 m before and 0.4 m above it.
+    """
+    x, _ = middles(elevation)
+    is_gap = (x > 0.4) & (x < 0.4 + width)
+    fill(elevation, lambda x, y: 0.0 * x, times=spill)
+    fill(elevation, lambda x, y: np.where(is_gap, np.nan, 0.0), times=8)
+    depth = np.arange(0.06, 0.4 * width / 0.3, 0.01)
+    walls = [(0.4 + width + 0.01, y, -z) for z in depth for y in np.arange(-0.2, 0.2, 0.02)]
+    elevation.clear(np.array(walls), np.array((0.1, 0.0, 0.4)))
+    return x[is_gap & (np.abs(x - 0.4 - 0.5 * width) < 0.5 * width - 0.04)]
+
+
+@pytest.mark.parametrize('width', [0.12, 0.16, 0.2])
+def test_a_gap_that_noise_has_filled_is_one_where_rays_go_below_ground(width):
+    elevation = Elevation()
+    for x in gap_seen(elevation, width):
+        assert elevation.at(x, 0.1) < -0.05
+    for x in (0.3, 0.38, 0.4 + width + 0.06):
+        assert elevation.at(x, 0.1) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_rays_to_walls_above_ground_clear_nothing_nor_do_a_few_what_is_well_known():
+    elevation = Elevation()
+    fill(elevation, lambda x, y: np.where(x > 1.0, 0.16, 0.0), times=10)
+    before = elevation.heights()
+    for noise in (-0.04, 0.0, 0.02, 0.04):  # of ranges: some points are behind the edge
+        risers = [(1.0 + noise, 0.1, z) for z in np.arange(0.01, 0.16, 0.005)]
+        elevation.clear(np.array(risers), np.array((0.3, 0.0, 0.4)))
+    elevation.clear(np.array([(0.6, 0.1, -0.3)] * 9), np.array((0.3, 0.0, 0.4)))
+    np.testing.assert_array_equal(elevation.heights(), before)
+    elevation.clear(np.array([(0.6, 0.1, -0.3)] * 20), np.array((0.3, 0.0, 0.4)))
+    assert np.nanmin(elevation.heights()) < -0.2
+
+
+def test_rays_to_points_outside_and_such_as_are_no_numbers_clear_nothing():
+    elevation = Elevation()
+    fill(elevation, lambda x, y: 0.0 * x)
+    before = elevation.heights()
+    odd = np.array([(np.nan, 0.0, -1.0), (9.0, 0.0, -1.0), (0.0, 0.0, 0.0)])
+    elevation.clear(odd, np.array((0.0, 0.0, 0.4)))
+    elevation.clear(np.zeros((0, 3)), np.zeros(3))
+    np.testing.assert_array_equal(elevation.heights(), before)
+
+
 def test_what_is_known_is_trusted_less_as_time_goes_by():
     elevation = Elevation()
     elevation.add(np.array([[0.0, 0.0, 0.1]]), NOISE)
