@@ -178,6 +178,21 @@ def test_late_in_the_swing_nothing_is_chosen_anew():
     np.testing.assert_array_equal(first, again)
 
 
+def test_the_later_in_a_swing_the_nearer_a_new_foothold_is_to_the_one_held():
+    """It is 0.3 m at most of a whole swing: later it would come down on the way, in the gap."""
+    for phase in (0.05, 0.4, 0.6, 0.7):
+        looker = Looker(lambda x, y: np.where((x > 0.1) & (x < 0.2), -0.5, 0.0))
+        looker.look()
+        first, _ = looker.land((0.12, 0.1))
+        assert first[0, 0] < 0.1
+        looker.look()
+        again, _ = looker.land((0.24, 0.1), phase=phase)
+        moved = np.hypot(*(again - first)[0, :2])
+        assert moved <= 0.3 * (1.0 - phase) + 1e-9
+        assert not 0.1 < again[0, 0] < 0.2 + 0.5 * RADIUS
+        assert (again[0, 0] > 0.2) == (phase < 0.3)
+
+
 def test_a_foot_passes_over_the_highest_ground_between_its_ends():
     def ridge(x, y):
         return np.where((x > 0.0) & (x < 0.08), 0.1, 0.0)

@@ -31,8 +31,9 @@ _FAR, _EDGE, _EVEN, _HELD, _UNKNOWN, _DOUBT = 40.0, 25.0, 0.015, 4.0, 3.0, 0.3
 _RING, _DIM = 3.0, 0.05
 # Raibert's own is taken where it costs no more than this: on even ground feet go as if blind.
 _FREE = 0.15
-# A foothold is chosen again until this share of the swing.
-_DECIDED = 0.75
+# A foothold is chosen again until this share of the swing, no farther from the one held than the
+# share that is left of so much, on the Go2 [m].
+_DECIDED, _TURNED = 0.75, 0.3
 # Ground so far below or above the plane through the feet is none to step on, on the Go2 [m].
 _DEEP, _HIGH = 0.30, 0.35
 # Share of a swing after which a foot is above a foothold that was chosen: a late one falls short.
@@ -406,7 +407,7 @@ def find_seen_footholds(
         landing = legs.landing[leg]
         above = landing[2] - height_at(plane, landing[0], landing[1])
         if schedule.phase[leg] < _DECIDED and (is_new or own.is_held[leg] == 0.0):
-            _choose(robot, plane, sight, leg, landing)
+            _choose(robot, plane, sight, (leg, schedule.phase[leg]), landing)
         if own.is_held[leg] == 2.0:
             landing[0], landing[1] = own.held[leg, 0], own.held[leg, 1]
             arrivals[leg] = _ARRIVAL
@@ -422,22 +423,37 @@ def find_seen_footholds(
 
 @jit
 def _choose(
-    robot: np.ndarray, plane: Plane, sight: np.ndarray, leg: int, landing: np.ndarray
+    robot: np.ndarray,
+    plane: Plane,
+    sight: np.ndarray,
+    swing: tuple[int, float],
+    landing: np.ndarray,
 ) -> None:
-    """Choose a leg's foothold near Raibert's, `landing`; 1 holds that, 2 another one."""
+    """
+    Choose a foothold near Raibert's, `landing`; 1 holds that, 2 another one.
+
+    `swing` is of which leg, and which share of it is over.
+    """
+    leg, phase = swing
     own, yaw = sight[0], robot[0].base.rpy[2]
     if own.is_held[leg] != 2.0 and _cost_of_ground(sight, plane, landing[0], landing[1]) < _FREE:
         own.is_held[leg] = 1.0
         return
     c, s = math.cos(yaw), math.sin(yaw)
     least, best_x, best_y = math.inf, landing[0], landing[1]
+    if own.is_held[leg] == 2.0:
+        best_x, best_y = own.held[leg, 0], own.held[leg, 1]
     for m in range(-_AHEAD, _AHEAD + 1):
         for n in range(-_ASIDE, _ASIDE + 1):
             dx, dy = m * _APART, n * _APART
             x, y = landing[0] + c * dx - s * dy, landing[1] + s * dx + c * dy
-            cost = _cost_of_ground(sight, plane, x, y) + _FAR * (dx * dx + dy * dy)
+            turned = 0.0
             if own.is_held[leg] == 2.0:
-                cost += _HELD * math.hypot(x - own.held[leg, 0], y - own.held[leg, 1])
+                turned = math.hypot(x - own.held[leg, 0], y - own.held[leg, 1])
+                if turned > _TURNED * (1.0 - phase):
+                    continue  # it would come down on the way there
+            cost = _cost_of_ground(sight, plane, x, y) + _FAR * (dx * dx + dy * dy)
+            cost += _HELD * turned
             if cost < least:
                 least, best_x, best_y = cost, x, y
     own.is_held[leg] = 2.0
