@@ -77,6 +77,19 @@ def test_the_legs_of_a_table_are_points_that_face_nowhere() -> None:
     assert away.min(axis=0).max() < 0.07  # thrice the deviation of a range
 
 
+def test_a_wall_at_the_end_of_sight_tells_nothing() -> None:
+    """Of a wall that is 5.98 m away those rays come back that noise has shortened."""
+    angles = np.radians(np.arange(-20.0, 21.0))
+    ranges = 5.98 / np.cos(angles) * (1.0 + 0.01 * np.random.default_rng(14).normal(size=41))
+    hits = ranges < 6.0
+    assert 3 < hits.sum() < 25
+    noise = Noise(0.012, 0.01)
+    scan = Scan(np.zeros(2), rays(angles, np.where(hits, ranges, 6.0)), hits)
+    assert len(find_surface(scan, noise).points) == 0
+    near = Scan(np.zeros(2), rays(angles, 0.75 * ranges), np.ones(41, dtype=np.bool_))
+    assert len(find_surface(near, noise).points) > 30
+
+
 def test_a_wall_has_no_legs() -> None:
     points = find_surface(look(np.zeros(3), np.random.default_rng(0)), NOISE).points
     assert np.hypot(*points[:, 2:4].T).min() > 0.9

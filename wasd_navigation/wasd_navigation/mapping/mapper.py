@@ -11,7 +11,7 @@ from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid, Search, window_around
 from wasd_navigation.mapping.session import Session
 from wasd_navigation.mapping.surface import find_surface, RangeNoise, Surface
-from wasd_navigation.mapping.tracker import ROUNDS, STUCK, Tracker, TRUST
+from wasd_navigation.mapping.tracker import ROUNDS, STUCK, Tracker, TRUST, WAVER
 from wasd_navigation.odometry import add_covariance, LEAP
 from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.records import Grid, Scan
@@ -56,7 +56,7 @@ class Mapper:
 
     def __init__(self, parameters: MappingParameters | None = None) -> None:
         self._parameters = parameters or MappingParameters()
-        self._tracker = Tracker(self._parameters.range_noise)
+        self._tracker = Tracker(self._parameters.range_noise, WAVER)
         self._local = make_local_map(LOCAL_REACH)
         self._old = make_local_map(LOCAL_REACH)
         self._drawing = Drawing(self._parameters.resolution)

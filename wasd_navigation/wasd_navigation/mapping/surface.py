@@ -11,6 +11,9 @@ from wasd_navigation.mapping.local_map import add_surfaces, CELL, LocalMap, make
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan
 from wasd_navigation.se2 import transform
 
+# Beyond this share of what a lidar sees, with a ray among so many on each side that hits nothing,
+# those are seen that noise has brought near: they seem nearer than they are, and tell nothing.
+FAR, LOST = 0.8, 4
 # Neighbours of a point lie on the same surface within this distance [m], or within so many
 # deviations of a range ...
 REACH, REACH_DEVIATIONS = 0.16, 8.0
@@ -148,6 +151,11 @@ def _find_surface(
     surface, slants = np.empty((2 * count, 5)), np.full(count, GRAZING)
     smooth, deviations = ends.copy(), np.full(count, noise[0])
     found = 0
+    sight = np.inf  # of the lidar: how far rays go that hit nothing
+    for index in range(count):
+        if not hits[index]:
+            x, y = ends[index, 0] - begins[index, 0], ends[index, 1] - begins[index, 1]
+            sight = min(sight, math.hypot(x, y))
     for index in range(count):
         if not hits[index]:
             continue
@@ -157,6 +165,12 @@ def _find_surface(
         deviation = max(noise[0], noise[1] * length)
         deviations[index] = deviation
         reach = max(REACH, REACH_DEVIATIONS * deviation)
+        if length > FAR * sight:
+            is_lost = False
+            for other in range(max(0, index - LOST), min(count, index + LOST + 1)):
+                is_lost |= not hits[other]
+            if is_lost:
+                continue
         n, sx, sy, sxx, sxy, syy = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for side in (-1, 1):
             for step in range(1, MOST_NEIGHBOURS + 1):

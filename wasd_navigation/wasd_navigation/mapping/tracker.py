@@ -12,6 +12,8 @@ from wasd_navigation.odometry import LEAP, OdometryGrowth
 from wasd_navigation.se2 import compose, invert, turn_axes, wrap
 
 ROUNDS = 12
+# How a map of few scans wavers: variances of the pose at each scan [m^2], [rad^2].
+WAVER = np.diag((2e-3**2, 2e-3**2, 1e-3**2))
 # What a fit tells is believed by this share: its errors are not independent.
 TRUST = 0.1
 # Of what odometry says of its error so much is new at each move; the rest lasts, as that of the
@@ -35,9 +37,10 @@ class Tracker:
     `move` comes first, then `fit` with a map of surfaces, then `believe` if the fit is one.
     """
 
-    def __init__(self, least_noise: float) -> None:
-        """Take the least standard deviation of a point on a surface [m]."""
+    def __init__(self, least_noise: float, waver: np.ndarray | None = None) -> None:
+        """Take the least deviation of a point on a surface [m], and how its map wavers, (3, 3)."""
         self._noise = least_noise
+        self._waver = np.zeros((3, 3)) if waver is None else waver
         self.reset()
 
     def reset(self) -> None:
@@ -102,7 +105,7 @@ class Tracker:
         move = said * (1.0 + self.scales[[0, 0, 1]])
         self.move_growth = growth * np.outer(NEW, NEW)
         self._begin = self.pose.copy()
-        self._joint = _predict(self._joint, self.pose, said, move, self.move_growth)
+        self._joint = _predict(self._joint, self.pose, said, move, self.move_growth + self._waver)
         self.pose = self._start = np.asarray(compose(self.pose, move))
         self._moves.append((way, self._begin, False))
         return move
