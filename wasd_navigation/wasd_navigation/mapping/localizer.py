@@ -231,7 +231,7 @@ class Localizer:
         poses, self._near = self._near.found.poses, None
         for pose in poses[:1]:
             fit = self._fit(surface, compose(pose, self._came), PRIOR)
-            if fit.share > max(LEAST_SHARE, share + 0.5 * SUDDEN):
+            if fit.share > max(LEAST_SHARE, self._usual - SUDDEN, share + 0.5 * SUDDEN):
                 self._tracker.put(fit.pose, invert(PRIOR + TRUST * fit.information))
                 self._misfits = self._pushed = self._drops = 0
                 self._search, self._words = None, None
