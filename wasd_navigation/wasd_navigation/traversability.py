@@ -12,6 +12,11 @@ from wasd_navigation.se2 import inverse, transform, wrap
 STEEPEST = 0.6
 # A ray ends on ground that is no more than this below its end [m], at a place within so much [m].
 ABOVE, AROUND = 0.06, 0.12
+# Ground is so far from steps that are too high [cells]. Of the cells beside one of these so many,
+# it among them, are about as high [m].
+NEAR, ALIKE, FEWEST = 2, 0.08, 3
+# What is no farther than this from an obstacle of the map is that obstacle [m].
+OF_THE_MAP = 0.1
 # Ground that rises by so much on a ray's way may go on to rise beyond what is seen of it [m].
 RISE = 0.08
 # A ray's way is looked along at places so far apart [m], up to so far before its end [m].
@@ -48,7 +53,8 @@ class Traversability:
         """Forget all ground."""
         self.revision = 0
         self._heights = np.full((1, 1), np.nan)
-        self._tops, self._corner, self._cell = self._heights, np.zeros(2), 1.0
+        self._ground = self._tops = self._heights
+        self._corner, self._cell = np.zeros(2), 1.0
         self._risers = np.zeros((1, 1), bool)
         self._uphill = 0.0  # 1 while it goes up stairs, -1 down
         self._floor = -np.inf  # height of the ground under the lowest foot [m]
@@ -73,9 +79,12 @@ class Traversability:
         of the map [m].
         """
         self._heights, self._corner, self._cell = heights, corner, cell
-        self._tops, self._floor = _highest(heights, round(AROUND / cell)), floor
-        self._risers = _risers(heights)
         judged = judge(heights, cell, self.climb)
+        # What is seen of a wall, or of a box, is no ground that a ray ends on.
+        is_step = np.isfinite(_highest(np.where(judged == OCCUPIED, 0.0, np.nan), NEAR))
+        self._ground = np.where(is_step, np.nan, heights)
+        self._tops, self._floor = _highest(self._ground, round(AROUND / cell)), floor
+        self._risers = _risers(heights)
         rows, columns = np.nonzero(judged == OCCUPIED)
         self._lethal = corner + cell * (np.column_stack((columns, rows)) + 0.5)
         self._keep(judged, correction, resolution)
@@ -110,7 +119,7 @@ class Traversability:
         known = judged[row, column] != UNKNOWN
         there = tuple(places[known].T)
         cells[there] = judged[row, column][known]
-        self._edges[there] = _has_edge(self._heights)[row, column][known]
+        self._edges[there] = _has_riser(self._heights, 1.2 * self.climb)[row, column][known]
         lethal = grid.to_cells(transform(correction, self._lethal))
         cells[tuple(lethal.T)] = OCCUPIED
 
@@ -128,7 +137,10 @@ class Traversability:
         inside = grid.covers(places)
         here, there = tuple(judged[inside].T), tuple(places[inside].T)
         ground, edges, known = self._grid.cells[here], self._edges[here], grid.cells[there]
-        ground = np.where((known > FREE) & (ground == FREE) & ~edges, known, ground)
+        reach = round(OF_THE_MAP / grid.resolution)
+        walls = np.isfinite(_highest(np.where(grid.cells == OCCUPIED, 0.0, np.nan), reach))
+        is_mapped = np.where(ground == FREE, (known > FREE) & ~edges, walls[there])
+        ground = np.where(is_mapped, known, ground)
         merged = grid.cells.copy()
         merged[there] = ground
         return Grid(merged, grid.resolution, grid.origin)
@@ -209,7 +221,7 @@ class Traversability:
         back = np.arange(_APART, _LONGEST, _APART)
         shares = 1.0 - back / lengths[:, None]
         places = begins[:, None] + shares[..., None] * way[:, None]
-        heights = self._at(self._heights, places.reshape(-1, 2)).reshape(len(ends), len(back))
+        heights = self._at(self._ground, places.reshape(-1, 2)).reshape(len(ends), len(back))
         heights[shares < 0.0] = np.nan
         known = np.isfinite(heights)
         has_any = known.any(axis=1)
@@ -234,25 +246,37 @@ def judge(heights: np.ndarray, cell: float, climb: float) -> np.ndarray:
     """
     Return FREE, OCCUPIED or UNKNOWN for heights [m], NaN where unknown, of cells of a side [m].
 
-    A cell beside one that is more than `climb` [m] higher or lower is occupied. So are cells that
-    are not seen between two that are, of the same row or column, where the ground between them
-    would be steeper than stairs.
+    A cell that is more than `climb` [m] higher than one beside it is occupied: the front of what
+    is too high, or the edge before what is too deep. So is one with cells that are not seen
+    between it and the next that is, of the same row or column, where the ground between them
+    would be steeper than stairs. Single cells that none beside is like are wrong ones.
     """
     known = np.isfinite(heights)
     judged = np.where(known, FREE, UNKNOWN).astype(np.int8)
+    is_edge = np.zeros(heights.shape, bool)
     for axis in (0, 1):
-        step = np.abs(np.diff(heights, axis=axis)) > climb
-        pad = [(0, 0), (0, 0)]
-        for side in ((1, 0), (0, 1)):
-            pad[axis] = side
-            judged[np.pad(step, pad)] = OCCUPIED
+        count = heights.shape[axis]
         last, following = _neighbours(known, axis)
-        between = ~known & (last >= 0) & (following < heights.shape[axis])
-        at = [np.clip(index, 0, heights.shape[axis] - 1) for index in (last, following)]
-        before, after = (np.take_along_axis(heights, index, axis) for index in at)
-        allowed = climb + STEEPEST * cell * (following - last)
-        judged[between & (np.abs(after - before) > allowed)] = OCCUPIED
+        for index in (last, following):
+            at = np.clip(index, 0, count - 1)
+            across = np.take_along_axis(heights, at, axis)
+            cells = np.abs(index - np.arange(count).reshape((-1, 1) if axis == 0 else (1, -1)))
+            allowed = climb + STEEPEST * cell * (cells - 1)
+            is_edge |= (index >= 0) & (index < count) & (heights - across > allowed)
+    judged[is_edge & _has_alike(heights)] = OCCUPIED
     return judged
+
+
+def _has_alike(heights: np.ndarray) -> np.ndarray:
+    """Return which cells have others of their height beside them."""
+    padded = np.pad(heights, 1, constant_values=np.nan)
+    rows, columns = heights.shape
+    count = np.zeros(heights.shape, int)
+    for row in range(3):
+        for column in range(3):
+            other = padded[row : row + rows, column : column + columns]
+            count += np.abs(other - heights) < ALIKE
+    return count >= FEWEST
 
 
 def _risers(heights: np.ndarray) -> np.ndarray:
@@ -264,12 +288,19 @@ def _risers(heights: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(known: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the index along an axis of the known cell before each cell, and of that after."""
+    """Return the index along an axis of the known cell before each cell, and of that after it."""
     count = known.shape[axis]
     index = np.arange(count).reshape((-1, 1) if axis == 0 else (1, -1))
     last = np.maximum.accumulate(np.where(known, index, -1), axis=axis)
     from_end = np.flip(np.where(known, index, count), axis)
-    return last, np.flip(np.minimum.accumulate(from_end, axis=axis), axis)
+    following = np.flip(np.minimum.accumulate(from_end, axis=axis), axis)
+    before, after = (np.roll(found, by, axis) for found, by in ((last, 1), (following, -1)))
+    edge = [slice(None), slice(None)]
+    edge[axis] = slice(0, 1)
+    before[tuple(edge)] = -1
+    edge[axis] = slice(count - 1, count)
+    after[tuple(edge)] = count
+    return before, after
 
 
 def _highest(heights: np.ndarray, reach: int) -> np.ndarray:
@@ -288,7 +319,7 @@ def _lowest(heights: np.ndarray, reach: int) -> np.ndarray:
     return np.where(np.isfinite(found), found, np.nan)
 
 
-def _has_edge(heights: np.ndarray) -> np.ndarray:
-    """Return beside which cells the ground rises or falls at an edge."""
+def _has_riser(heights: np.ndarray, most: float) -> np.ndarray:
+    """Return beside which cells the ground rises or falls at an edge, by no more than so much."""
     spread = _highest(heights, _EDGE_CELLS) - _lowest(heights, _EDGE_CELLS)
-    return np.asarray(spread > _EDGE)
+    return np.asarray((spread > _EDGE) & (spread < most))
