@@ -73,7 +73,7 @@ class Watcher:
     def _look(self) -> None:
         odometry = self.robot.odometry
         if self.maps and odometry is not None:
-            self.mapper.take_pose(self.robot.world.time, odometry)
+            self.mapper.take_pose(self.robot.world.time, odometry.position, odometry.orientation)
 
 
 def look_at_stairs(rise: float, seed: int, end: float) -> Seen:

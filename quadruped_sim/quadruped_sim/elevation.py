@@ -255,12 +255,14 @@ def _write_medians(
                 row = first[1] + i + k
                 if not 0 <= row - known[1] < count:
                     continue
+                row %= count
                 for m in range(-1, 2):
                     column = first[0] + j + m
                     if not 0 <= column - known[0] < count:
                         continue
-                    if votes[row % count, column % count] > 0.0:
-                        z = height[row % count, column % count]
+                    column %= count
+                    if votes[row, column] > 0.0:
+                        z = height[row, column]
                         place = found
                         while place > 0 and around[place - 1] > z:
                             around[place] = around[place - 1]

@@ -3,7 +3,6 @@
 
 import numpy as np
 from wasd_core.pose_track import PoseTrack
-from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import matrix_from_quaternion, Pose
 
 from quadruped_sim.elevation import Elevation
@@ -39,21 +38,22 @@ class ElevationMapper:
     def reset(self) -> None:
         """Forget the map and where the robot was."""
         self._track = PoseTrack(TRACKED)
-        self._odometry: BaseOdometry | None = None
+        self._pose: tuple[np.ndarray, np.ndarray] | None = None
         self._posed_at = self._seen_at = -np.inf
         self.elevation.reset()
 
-    def take_pose(self, time: float, odometry: BaseOdometry) -> None:
+    def take_pose(self, time: float, position: np.ndarray, orientation: np.ndarray) -> None:
         """
-        Take where the robot believes to be at a time [s], as often as it is known.
+        Take where odometry has the base at a time [s], as often as it is known.
 
-        A time that begins again begins all again.
+        `position` is (3,) [m], `orientation` a quaternion w x y z. A time that begins again begins
+        all again.
         """
         if time < self._posed_at:
             self.reset()
         self._posed_at = time
-        self._track.add(time, odometry.position, odometry.orientation)
-        self._odometry = odometry
+        self._track.add(time, position, orientation)
+        self._pose = position.copy(), orientation.copy()
 
     def take_cloud(self, time: float, points: np.ndarray) -> bool:
         """
@@ -61,18 +61,18 @@ class ElevationMapper:
 
         `points` have the fields x y z [m], in the lidar's frame, and `time` since then [s].
         """
-        odometry = self._odometry
         seen = np.stack([points[axis] for axis in 'xyz'], axis=1).astype(float)
         times = time + points['time'].astype(float)
         placed = self._track.place(seen, times, self._mount)
-        if placed is None or odometry is None:
+        if placed is None or self._pose is None:
             return False
+        position, orientation = self._pose
         if np.isfinite(self._seen_at):
             self.elevation.age(time - self._seen_at)
         self._seen_at = time
-        self.elevation.move_to(odometry.position[:2])
-        rotation = matrix_from_quaternion(odometry.orientation)
-        lidar = odometry.position + rotation @ self._mount.position
+        self.elevation.move_to(position[:2])
+        rotation = matrix_from_quaternion(orientation)
+        lidar = position + rotation @ self._mount.position
         ranges, is_upright = np.linalg.norm(seen, axis=1), _is_upright(placed, times)
         is_near = (ranges > 0.0) & (ranges < FARTHEST)
         used = is_near & ~is_upright

@@ -93,7 +93,7 @@ class CloudInput:
             self._node.destroy_subscription(self._clouds)  # type: ignore[arg-type]
             self._clouds = None
         if is_wanted and self.mapper is not None:
-            self.mapper.take_pose(time, odometry)
+            self.mapper.take_pose(time, odometry.position, odometry.orientation)
 
     def _on_cloud(self, message: PointCloud2) -> None:
         if self.mapper is None:

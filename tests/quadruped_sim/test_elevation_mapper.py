@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from quadruped_sim.elevation_mapper import ElevationMapper
-from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import Pose
 
 POINT = np.dtype([('x', 'f4'), ('y', 'f4'), ('z', 'f4'), ('time', 'f4')])
@@ -14,10 +13,8 @@ MOUNT = Pose(np.array([0.3, 0.0, 0.1]), np.eye(3))
 
 
 def at(x, z=0.3):
-    """Return an odometry that is level."""
-    still = np.zeros(3)
-    identity = np.array([1.0, 0.0, 0.0, 0.0])
-    return BaseOdometry(np.array([x, 0.0, z]), identity, still, still, np.eye(6), np.eye(6))
+    """Return the pose of a base that is level."""
+    return np.array([x, 0.0, z]), np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def cloud(points, times):
@@ -31,7 +28,7 @@ def cloud(points, times):
 def test_a_point_is_placed_from_where_the_base_was_when_it_was_seen():
     mapper = ElevationMapper(MOUNT)
     for step in range(11):
-        mapper.take_pose(1.0 + 0.01 * step, at(0.1 * step))
+        mapper.take_pose(1.0 + 0.01 * step, *at(0.1 * step))
     # Of a base that moves at 10 m/s: the same place, 2.3 m ahead of the start, seen twice.
     seen = [(2.0, 0.5, -0.4), (1.5, 0.5, -0.4)]
     assert mapper.take_cloud(1.0, cloud(seen, [0.0, 0.05]))
@@ -49,7 +46,7 @@ def test_before_there_is_odometry_a_cloud_is_not_placed():
 def seen_at_once(points):
     """Return the heights of a map of points that are seen one right after the other."""
     mapper = ElevationMapper(MOUNT)
-    mapper.take_pose(1.0, at(0.0))
+    mapper.take_pose(1.0, *at(0.0))
     mapper.take_cloud(1.0, cloud(points, np.arange(len(points)) / 21_600))
     return mapper.elevation.heights()
 
@@ -70,7 +67,7 @@ def test_what_is_out_of_sight_follows_odometry_s_height_as_what_is_in_sight_does
     mapper = ElevationMapper(MOUNT)
     for step in range(41):
         risen = 0.005 * step
-        mapper.take_pose(1.0 + 0.1 * step, at(0.0, 0.3 + risen))
+        mapper.take_pose(1.0 + 0.1 * step, *at(0.0, 0.3 + risen))
         places = rng.uniform(-1.5, 1.5, (1500, 2))
         if step > 5:
             places[:, 1] = np.abs(places[:, 1])
@@ -84,9 +81,9 @@ def test_what_is_out_of_sight_follows_odometry_s_height_as_what_is_in_sight_does
 
 def test_time_that_begins_again_and_a_reset_forget_the_map():
     mapper = ElevationMapper(MOUNT)
-    mapper.take_pose(5.0, at(0.0))
+    mapper.take_pose(5.0, *at(0.0))
     mapper.take_cloud(5.0, cloud([(1.0, 0.0, -0.4)], [0.0]))
-    mapper.take_pose(0.1, at(0.0))
+    mapper.take_pose(0.1, *at(0.0))
     assert np.isnan(mapper.elevation.heights()).all()
     mapper.take_cloud(0.1, cloud([(1.0, 0.5, -0.4)], [0.0]))
     assert np.isfinite(mapper.elevation.heights()).sum() == 1
@@ -97,6 +94,6 @@ def test_time_that_begins_again_and_a_reset_forget_the_map():
 
 def test_an_empty_cloud_changes_nothing():
     mapper = ElevationMapper(MOUNT)
-    mapper.take_pose(1.0, at(0.0))
+    mapper.take_pose(1.0, *at(0.0))
     assert mapper.take_cloud(1.0, cloud(np.empty((0, 3)), []))
     assert np.isnan(mapper.elevation.heights()).all()

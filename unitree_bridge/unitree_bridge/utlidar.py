@@ -122,7 +122,7 @@ class LidarTopics:
         if odometry is not None and is_tracked:
             self._track.add(self._robot.time, odometry.position, odometry.orientation)
         if odometry is not None and is_mapped:
-            self._mapper.take_pose(self._robot.time, odometry)
+            self._mapper.take_pose(self._robot.time, odometry.position, odometry.orientation)
 
     def _switch(self, raw: bytes) -> None:
         try:

@@ -138,8 +138,6 @@ class PointLidar:
         count = math.ceil(tag.model.points / tag.rate) + 1
         self._hits = np.empty(count, dtype=np.int32)
         self._distances = np.empty(count)
-        self._parts: list[Cloud] = []
-        self._first = 0  # the number of the first ray of this cloud, from the start of all
         self._count = 0  # of its rays are cast
         self._elapsed: float | None = None  # since it began [s]; None: there is none
 
@@ -150,10 +148,14 @@ class PointLidar:
 
     def begin(self, number: int = 0, late: float = 0.0) -> None:
         """Begin the cloud of a number, which its first ray has done `late` [s] ago."""
-        self._first = round(number * self.tag.model.points / self.tag.rate)
-        self._last = round((number + 1) * self.tag.model.points / self.tag.rate)
+        points, rate = self.tag.model.points, self.tag.rate
+        # Numbers of its rays, from the start of all.
+        first, last = round(number * points / rate), round((number + 1) * points / rate)
+        rays, numbers = np.arange(first, last) % points, np.arange(last - first)
+        self._cloud = Cloud(
+            numbers / points, self._directions[rays], np.empty(len(rays)), self._rings[rays]
+        )
         self._count, self._elapsed = 0, late
-        self._parts = []
 
     def forget(self) -> None:
         """Break a cloud off."""
@@ -169,24 +171,20 @@ class PointLidar:
         if self._elapsed is None:
             return None
         self._elapsed += dt
-        points = self.tag.model.points
-        whole = self._last - self._first
-        last = min(whole, int(self._elapsed * points + 1e-6) + 1)
+        whole = len(self._cloud.ranges)
+        last = min(whole, int(self._elapsed * self.tag.model.points + 1e-6) + 1)
         if last > self._count:
-            self._parts.append(self._cast(self._count, last))
+            self._cast(self._count, last)
             self._count = last
         if last < whole:
             return None
         self._elapsed = None
-        return Cloud(*(np.concatenate(column) for column in zip(*self._parts, strict=True)))
+        return self._cloud
 
-    def _cast(self, first: int, last: int) -> Cloud:
-        numbers = np.arange(first, last)
-        rays = (self._first + numbers) % self.tag.model.points
-        directions = self._directions[rays]
+    def _cast(self, first: int, last: int) -> None:
+        directions, count = self._cloud.directions[first:last], last - first
         data = self._snapshot.take()
         sensor: Pose = self._mount.in_world(data)
-        count = len(numbers)
         mujoco.mj_multiRay(
             self._model,
             data,
@@ -203,8 +201,7 @@ class PointLidar:
         )
         hits = self._hits[:count]
         is_seen = (hits >= 0) & ~self._is_own[hits]
-        ranges = np.where(is_seen, self._distances[:count], np.inf)
-        return Cloud(numbers / self.tag.model.points, directions, ranges, self._rings[rays])
+        self._cloud.ranges[first:last] = np.where(is_seen, self._distances[:count], np.inf)
 
     def measured(self, cloud: Cloud, random: Random) -> Iterator[tuple[str, Fields]]:
         """Yield the points of a cloud, an array of POINT in the lidar's frame, for each topic."""

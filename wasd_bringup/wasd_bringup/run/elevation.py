@@ -19,7 +19,7 @@ class RobotElevation:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+        self._robot: Any = robot  # one with legs
         self.wanted_by: list[Callable[[], bool]] = []
         self.on_map: list[Callable[[Elevation, float], None]] = []
         self.mapper: ElevationMapper | None = None
@@ -33,9 +33,9 @@ class RobotElevation:
         """Take where the robot believes to be now; to be called after each step of control."""
         if self.mapper is None or not self._is_wanted():
             return
-        odometry = self._robot.odometry  # made when it is asked for
-        if odometry is not None:
-            self.mapper.take_pose(self._robot.world.time, odometry)
+        robot = self._robot.legs.controller.robot  # faster than a message of odometry
+        if robot is not None:
+            self.mapper.take_pose(self._robot.world.time, robot.base.position, robot.orientation)
 
     def _is_wanted(self) -> bool:
         return any(wants() for wants in self.wanted_by)
