@@ -58,7 +58,7 @@ def test_the_demo_draws_the_climb_by_sight_and_its_elevation(wasd: Any, tmp_path
         assert climb.shape == (720, 1280, 3)
         assert climb.std() > 20.0
     elevation = np.asarray(Image.open(tmp_path / 'go2_stairs_elevation.png').convert('RGB'))
-    # From behind to ahead the treads are higher, and so brighter; next to nothing is known 2 m ahead.
+    # From behind to ahead treads are higher, and so brighter; far ahead next to nothing is known.
     known = (elevation != BACKGROUND).any(axis=2)[: len(elevation) - SCALE_HEIGHT]
     luminance = elevation[: len(known)] @ (0.2126, 0.7152, 0.0722)
     means = [luminance[:, part][known[:, part]].mean() for part in np.split(np.arange(240), 6)]

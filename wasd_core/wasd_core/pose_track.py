@@ -13,16 +13,13 @@ class PoseTrack:
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
-        self._poses: deque[np.ndarray] = deque()  # time, position, quaternion: (8,) each
+        self._poses: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
 
     def add(self, time: float, position: np.ndarray, orientation: np.ndarray) -> None:
         """Add a pose: time [s], position (3,) [m], quaternion (4,) w, x, y, z."""
         if self._poses and time <= self._poses[-1][0]:
             self._poses.clear()  # time began again
-        quaternion = np.asarray(orientation, float)
-        if self._poses and quaternion @ self._poses[-1][4:] < 0.0:
-            quaternion = -quaternion  # the same rotation, near the one before
-        self._poses.append(np.concatenate(((time,), position, quaternion)))
+        self._poses.append((time, position.copy(), orientation.copy()))
         while time - self._poses[0][0] > self._seconds:
             self._poses.popleft()
 
@@ -36,8 +33,12 @@ class PoseTrack:
         """
         if not self._poses:
             return None
-        track = np.array(self._poses)
-        pose = np.stack([np.interp(times, track[:, 0], column) for column in track[:, 1:].T])
+        when, positions, quaternions = map(np.array, zip(*self._poses, strict=True))
+        # A quaternion and its negative are one rotation: each is to be near the one before.
+        flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
+        quaternions[1:][np.cumsum(flips) % 2 == 1] *= -1.0
+        columns = np.column_stack((positions, quaternions)).T
+        pose = np.stack([np.interp(times, when, column) for column in columns])
         w, x, y, z = pose[3:] / np.linalg.norm(pose[3:], axis=0)
         in_base = points @ mount.rotation.T + mount.position
         axis = np.stack((x, y, z), axis=1)

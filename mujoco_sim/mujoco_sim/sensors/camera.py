@@ -296,7 +296,7 @@ class Camera:
         random: Random,
     ) -> Picture:
         """Return a picture of now: colours, with noise if `random` is given, and true depths."""
-        data, frustum = self._site.snapshot.take(), self._frustum
+        data, frustum = self._site.snapshot.take_whole(), self._frustum
         view = (data, self._mount.in_world(data), frustum, (self.width, self.height))
         colours = depths = None
         if colour:

@@ -40,22 +40,30 @@ class Snapshot:
         self._world = world
         self._state: tuple[bytes, ...] | None = None
         self._data: mujoco.MjData | None = None
+        self._is_whole = False
+
+    def take_whole(self) -> mujoco.MjData:
+        """Return data with bodies, geoms and lights as they are and move now."""
+        model, data = self._world.model, self.take()
+        if not self._is_whole:
+            self._is_whole = True
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_comVel(model, data)
+            mujoco.mj_camlight(model, data)
+        return data
 
     def take(self) -> mujoco.MjData:
-        """Return data with bodies, geoms and lights as they are and move now."""
+        """Return data with bodies and geoms as they are now: all that rays need."""
         model, now = self._world.model, self._world.data
         if self._data is None:
             self._data = mujoco.MjData(model)
         parts = (now.qpos, now.qvel, now.mocap_pos, now.mocap_quat)
         state = tuple(part.tobytes() for part in parts)
         if state != self._state:
-            self._state = state
+            self._state, self._is_whole = state, False
             self._data.qpos[:], self._data.qvel[:] = now.qpos, now.qvel
             self._data.mocap_pos[:], self._data.mocap_quat[:] = now.mocap_pos, now.mocap_quat
             mujoco.mj_kinematics(model, self._data)
-            mujoco.mj_comPos(model, self._data)
-            mujoco.mj_comVel(model, self._data)
-            mujoco.mj_camlight(model, self._data)
         return self._data
 
 

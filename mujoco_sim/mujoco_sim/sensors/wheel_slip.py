@@ -50,7 +50,7 @@ class WheelSlip:
 
     def measure(self) -> list[Slip]:
         """Return the slip of each wheel now, in the order of `joints`."""
-        data = self._snapshot.take()
+        data = self._snapshot.take_whole()
         up = data.xmat[self._root].reshape(3, 3)[:, 2]
         slips = []
         for wheel in self._wheels:
