@@ -10,7 +10,7 @@ from concurrent.futures import as_completed, ProcessPoolExecutor
 import multiprocessing
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from family import end_with_parent
 from trials import Run, RunFailed, simulate, Trace
@@ -19,6 +19,7 @@ HERE = Path(__file__).resolve().parent
 # Address of a Dask scheduler; '' is this machine.
 cluster = ''
 Result = Trace | RunFailed
+Task, Done = TypeVar('Task'), TypeVar('Done')
 
 
 def simulate_all(runs: Sequence[Run], note: Callable[[str], None]) -> dict[Run, Result]:
@@ -42,12 +43,19 @@ def attempt(run: Run) -> Result:
 
 def on_cores(runs: Sequence[Run], cores: int | None = None) -> Iterator[tuple[Run, Result]]:
     """Yield each run and its result, as they come."""
+    return each_on_cores(attempt, runs, cores)
+
+
+def each_on_cores(
+    work: Callable[[Task], Done], tasks: Sequence[Task], cores: int | None = None
+) -> Iterator[tuple[Task, Done]]:
+    """Yield each task and what `work` returns of it, as they come."""
     spawning = multiprocessing.get_context('spawn')
     cores = cores or len(os.sched_getaffinity(0))
     with ProcessPoolExecutor(
         max_workers=cores, mp_context=spawning, initializer=end_with_parent
     ) as pool:
-        futures = {pool.submit(attempt, run): run for run in runs}
+        futures = {pool.submit(work, task): task for task in tasks}
         for future in as_completed(futures):
             yield futures[future], future.result()
 

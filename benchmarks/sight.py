@@ -14,13 +14,15 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
+from cores import each_on_cores
 from mujoco_sim.parameters import Untold
 from mujoco_sim.scene import AHEAD, COURSE, LANDING, STEPS, TREAD
 import numpy as np
+from sight_cost import measure_cost
 from table import format_count, Row
 import wasd
 
-FIRST_SEED = 9100
+FIRST_SEED = 9500  # tuning knew those from 9100 to 9119, and some from 9300 to 9319
 SPEED = 0.4  # [m/s]
 # How far it goes beyond what is there [m], and how often a contact of the trunk is looked for [s].
 BEYOND, LOOK = 0.8, 0.02
@@ -164,20 +166,26 @@ def cases(texts: Sequence[str]) -> list[Case]:
 
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
-    """Measure all cases, or those that `only` names."""
-    count = 2 if quick else 20
-    seeds = range(FIRST_SEED, FIRST_SEED + count)
-    return [row for case in cases(only) for row in _rows(case, seeds, note)]
+    """Measure all cases and what eyes cost, or the cases that `only` names."""
+    seeds = range(FIRST_SEED, FIRST_SEED + (2 if quick else 20))
+    chosen = cases(only)
+    tasks = [(case, seed) for case in chosen for seed in seeds]
+    trials = {}
+    for task, trial in each_on_cores(_walk, tasks):
+        trials[task] = trial
+        note(f'sight: {len(trials)} of {len(tasks)} walks')
+    rows = [row for case in chosen for row in _rows(case, [trials[case, seed] for seed in seeds])]
+    return rows if only else [*rows, *measure_cost(quick, note)]
 
 
-def _rows(case: Case, seeds: Sequence[int], note: Callable[[str], None]) -> list[Row]:
-    trials = []
-    for seed in seeds:
-        note(f'sight: {case.name}, seed {seed}')
-        trials.append(walk(case, seed))
+def _walk(task: tuple[Case, int]) -> dict[str, Any]:
+    return walk(*task)
+
+
+def _rows(case: Case, trials: Sequence[dict[str, Any]]) -> list[Row]:
     good = sum(trial['passed'] for trial in trials)
     # Of the full number as many as there are to be, of fewer the same share.
-    must = -(-case.must * len(seeds) // 20)
+    must = -(-case.must * len(trials) // 20)
     row = Row(
         what=f'by sight at {SPEED:g} m/s: {case.name}',
         measured=format_count(good, len(trials)),

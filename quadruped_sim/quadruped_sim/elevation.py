@@ -18,8 +18,8 @@ LEAST_VARIANCE = 1e-6
 DRIFT = 2e-5
 # So many points, no farther above or below what is known, tell how odometry's height drifts [m].
 FEWEST, FARTHEST_OFF = 100, 0.04
-# A ray that passed so far below a cell's ground [m], so near to its end [m], says that it is none;
-# what is known then has this variance [m^2].
+# A ray that passes BELOW [m] under the height of a cell, within PASSED [m] of its end, votes
+# against that height. A height that wins by such votes has the variance CLEARED [m^2].
 BELOW, PASSED, CLEARED = 0.05, 0.3, 1e-4
 
 # What a cell knows, one layer each; votes are numbers of points, 0 for no height.
@@ -81,10 +81,10 @@ class Elevation:
 
     def clear(self, points: np.ndarray, origin: np.ndarray) -> None:
         """
-        Let rays vote that there is nothing where they passed.
+        Lower cells under which rays passed.
 
-        They came from `origin` (3,) to points (n, 3) [m] of walls: those below the ground before
-        them, as of a gap, show that what they passed under is none.
+        Rays go from `origin` (3,) to points (n, 3) [m] of walls. Where a wall begins below the
+        ground before it, as in a gap, its rays vote against the heights that they passed under.
         """
         fine = np.isfinite(points).all(axis=1)
         column, row = self._first.tolist()

@@ -38,7 +38,6 @@ class ElevationMapper:
     def reset(self) -> None:
         """Forget the map and where the robot was."""
         self._track = PoseTrack(TRACKED)
-        self._pose: tuple[np.ndarray, np.ndarray] | None = None
         self._posed_at = self._seen_at = -np.inf
         self.elevation.reset()
 
@@ -46,14 +45,13 @@ class ElevationMapper:
         """
         Take where odometry has the base at a time [s], as often as it is known.
 
-        `position` is (3,) [m], `orientation` a quaternion w x y z. A time that begins again begins
-        all again.
+        `position` is (3,) [m], `orientation` a quaternion w x y z. If time jumps back, the mapper
+        resets.
         """
         if time < self._posed_at:
             self.reset()
         self._posed_at = time
         self._track.add(time, position, orientation)
-        self._pose = position.copy(), orientation.copy()
 
     def take_cloud(self, time: float, points: np.ndarray) -> bool:
         """
@@ -63,10 +61,10 @@ class ElevationMapper:
         """
         seen = np.stack([points[axis] for axis in 'xyz'], axis=1).astype(float)
         times = time + points['time'].astype(float)
-        placed = self._track.place(seen, times, self._mount)
-        if placed is None or self._pose is None:
+        placed, last = self._track.place(seen, times, self._mount), self._track.last
+        if placed is None or last is None:
             return False
-        position, orientation = self._pose
+        position, orientation = last
         if np.isfinite(self._seen_at):
             self.elevation.age(time - self._seen_at)
         self._seen_at = time

@@ -99,7 +99,7 @@ class RobotState:
 
 @jit
 def _lowest_foot(robot: np.ndarray) -> float:
-    """How far the lowest foot of a flat `RobotState` is above its base [m]."""
+    """Return the height of the lowest foot of a flat `RobotState` above its base [m]."""
     R, feet = robot[0].base.R, robot[0].motion.position
     lowest = math.inf
     for i in range(4):
@@ -178,12 +178,6 @@ def make_odometry(
         orientation=robot.orientation.copy(),
         linear_velocity=robot.base.R.T @ robot.base.velocity,
         angular_velocity=robot.base.omega.copy(),
-        pose_covariance=_diagonal([position_variance] * 3 + rotation),
-        twist_covariance=_diagonal([velocity_variance] * 3 + [_RATE_VARIANCE] * 3),
+        pose_covariance=np.diag([position_variance] * 3 + rotation),
+        twist_covariance=np.diag([velocity_variance] * 3 + [_RATE_VARIANCE] * 3),
     )
-
-
-def _diagonal(variances: list[float]) -> np.ndarray:
-    matrix = np.zeros((6, 6))  # three times as fast as `numpy.diag` of a list
-    matrix.flat[::7] = variances
-    return matrix

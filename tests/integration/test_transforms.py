@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a second process that joins late sees of each robot: one tree of frames, one time."""
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
+from functools import partial
 import os
 from pathlib import Path
 import signal
@@ -22,12 +24,13 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from robot_description.description import read_description
 from robot_description.meshes.files import published_urdf
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Imu, LaserScan, PointCloud2
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from wasd_core.node import init_ros
@@ -36,6 +39,12 @@ pytestmark = pytest.mark.slow
 
 KEYS = {'mbot': '0.1 i*300', 'go2': '0.1 2\n1 4\n1.5 w*4'}
 BASE = {'mbot': 'base_footprint', 'go2': 'base'}
+MEASURED = {
+    'points': PointCloud2,
+    'scan': LaserScan,
+    'imu/data': Imu,
+    'camera/camera_info': CameraInfo,
+}
 # How long the late one listens [simulated s], and how late it is at least [wall s].
 LISTENED, LATE = 2.0, 0.5
 
@@ -55,6 +64,7 @@ class Observer:
         self.fixed: list[TransformStamped] = []
         self.odometry: list[int] = []
         self.descriptions: list[str] = []
+        self.measured: list[tuple[str, str, int]] = []  # topic, frame, stamp
         many = QoSProfile(depth=1000)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for kind, topic, qos, take in (
@@ -65,6 +75,12 @@ class Observer:
             (String, 'robot_description', latched, lambda m: self.descriptions.append(m.data)),
         ):
             self.node.create_subscription(kind, topic, take, qos)
+        for topic, kind in MEASURED.items():
+            take = partial(self._note, topic)
+            self.node.create_subscription(kind, topic, take, qos_profile_sensor_data)
+
+    def _note(self, topic: str, message: Any) -> None:
+        self.measured.append((topic, message.header.frame_id, tick(message.header.stamp)))
 
     def listen(self, is_enough: Callable[[], bool], patience: float = 30.0) -> None:
         """Listen until it is enough."""
@@ -170,3 +186,25 @@ def test_odometry_comes_at_50_hz_with_one_stamp_for_message_and_transform(
     assert set(np.diff(stamps)) == {20_000_000}
     common = [s for s in observer.odometry if stamps[0] <= s <= stamps[-1]]
     assert common == [s for s in stamps if common[0] <= s <= common[-1]]
+
+
+def test_where_a_sensor_was_can_be_looked_up_for_each_of_its_messages(
+    seen: tuple[str, Observer],
+) -> None:
+    robot, observer = seen
+    parents = {t.child_frame_id: t.header.frame_id for t in (*observer.fixed, *observer.moving)}
+    known: dict[str, list[int]] = {}
+    for transform in observer.moving:
+        known.setdefault(transform.child_frame_id, []).append(tick(transform.header.stamp))
+    begin, end = max(s[0] for s in known.values()), min(s[-1] for s in known.values())
+    asked = [each for each in observer.measured if begin <= each[2] <= end]
+    topics = {'mbot': {'scan', 'camera/camera_info'}, 'go2': {'points', 'scan', 'imu/data'}}
+    assert {topic for topic, _, _ in asked} == topics[robot]
+    for topic, frame, stamp in asked:
+        while frame != 'odom':
+            assert frame in parents, f'{topic}: {frame}'
+            if stamps := known.get(frame):
+                after = bisect_left(stamps, stamp)
+                assert after < len(stamps)
+                assert stamps[after] == stamp or after > 0
+            frame = parents[frame]

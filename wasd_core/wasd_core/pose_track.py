@@ -13,7 +13,13 @@ class PoseTrack:
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
+        # Times, positions, quaternions.
         self._poses: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
+
+    @property
+    def last(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The latest position and quaternion; None where there is no pose."""
+        return self._poses[-1][1:] if self._poses else None
 
     def add(self, time: float, position: np.ndarray, orientation: np.ndarray) -> None:
         """Add a pose: time [s], position (3,) [m], quaternion (4,) w, x, y, z."""

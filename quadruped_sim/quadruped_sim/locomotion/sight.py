@@ -31,8 +31,8 @@ _FAR, _EDGE, _EVEN, _HELD, _UNKNOWN, _DOUBT = 40.0, 25.0, 0.015, 4.0, 3.0, 0.3
 _RING, _DIM = 3.0, 0.05
 # Raibert's own is taken where it costs no more than this: on even ground feet go as if blind.
 _FREE = 0.15
-# A foothold is chosen again until this share of the swing, no farther from the one held than the
-# share that is left of so much, on the Go2 [m].
+# A foothold is chosen again until the share _DECIDED of the swing. It moves by at most _TURNED
+# times the share of the swing that is left, on the Go2 [m].
 _DECIDED, _TURNED = 0.75, 0.3
 # Ground so far below or above the plane through the feet is none to step on, on the Go2 [m].
 _DEEP, _HIGH = 0.30, 0.35
@@ -45,7 +45,7 @@ _CLEARANCE = 0.05
 _BEHIND, _BEFORE, _BESIDE, _ENOUGH, _TIME = -0.35, 0.50, 0.20, 0.5, 0.12
 # Gaps up to so many cells are none to it, so far ahead and behind it looks for their ends [m].
 _GAP, _BEYOND = 9, 0.25
-# Ground is broken whose cells are farther from its plane [m], root mean square.
+# Ground whose cells are farther from its plane than this, root mean square [m], is broken.
 _BROKEN = 0.015
 # Steepest ground that the base follows, as a gradient.
 _STEEPEST = 0.7
@@ -432,7 +432,7 @@ def _choose(
     """
     Choose a foothold near Raibert's, `landing`; 1 holds that, 2 another one.
 
-    `swing` is of which leg, and which share of it is over.
+    `swing` is the leg's number, and the share of its swing that is over.
     """
     leg, phase = swing
     own, yaw = sight[0], robot[0].base.rpy[2]

@@ -33,7 +33,7 @@ class RobotElevation:
         """Take where the robot believes to be now; to be called after each step of control."""
         if self.mapper is None or not self._is_wanted():
             return
-        robot = self._robot.legs.controller.robot  # faster than a message of odometry
+        robot = self._robot.legs.controller.robot  # `odometry` computes covariances, too: slower
         if robot is not None:
             self.mapper.take_pose(self._robot.world.time, robot.base.position, robot.orientation)
 
