@@ -7,28 +7,26 @@ import numpy as np
 
 from wasd_navigation.records import FREE, Grid, OCCUPIED, UNKNOWN
 from wasd_navigation.se2 import inverse, transform, wrap
+from wasd_navigation.steps import find_edges, find_risers, highest, is_near, judge, STEEPEST
 
-# Ground that is not seen between two places that are may rise or fall by so much more a metre.
-STEEPEST = 0.6
 # A ray ends on ground that is no more than this below its end [m], at a place within so much [m].
 ABOVE, AROUND = 0.06, 0.12
-# Ground is so far from steps that are too high [cells]. Of the cells beside one of these so many,
-# it among them, are about as high [m].
-NEAR, ALIKE, FEWEST = 2, 0.08, 3
+# Ground is so far from steps that are too high [cells].
+NEAR = 2
 # What is no farther than this from an obstacle of the map is that obstacle [m].
 OF_THE_MAP = 0.1
+# An obstacle of the map is none where the ground has an edge of no more than so many times the
+# highest step that can be climbed: it is the riser.
+CLIMBED = 1.2
 # Ground that rises by so much on a ray's way may go on to rise beyond what is seen of it [m].
 RISE = 0.08
 # A ray's way is looked along at places so far apart [m], up to so far before its end [m].
 _APART, _LONGEST = 0.04, 2.5
-# An obstacle of the map is none where ground that can be climbed has an edge of so much [m] within
-# so many cells: it is the riser.
-_EDGE, _EDGE_CELLS = 0.05, 2
 
 # It climbs straight where stairs lie on its way within so much ahead, or under it so far from its
 # middle [m]. They have a riser, and the slope of a plane through the ground so far around the
 # middle of that way [m], of which such a share is known.
-RISER, AHEAD, TRODDEN, SLOPE, AROUND_WAY, ENOUGH = 0.06, 0.8, 0.25, 0.12, 0.5, 0.3
+AHEAD, TRODDEN, SLOPE, AROUND_WAY, ENOUGH = 0.8, 0.25, 0.12, 0.5, 0.3
 # A way across, by the cosine of its angle with the slope, leads where the robot looks; to where it
 # has come from a way leads by a greater one.
 ACROSS, BACK = 0.35, 0.8
@@ -81,10 +79,9 @@ class Traversability:
         self._heights, self._corner, self._cell = heights, corner, cell
         judged = judge(heights, cell, self.climb)
         # What is seen of a wall, or of a box, is no ground that a ray ends on.
-        is_step = np.isfinite(_highest(np.where(judged == OCCUPIED, 0.0, np.nan), NEAR))
-        self._ground = np.where(is_step, np.nan, heights)
-        self._tops, self._floor = _highest(self._ground, round(AROUND / cell)), floor
-        self._risers = _risers(heights)
+        self._ground = np.where(is_near(judged == OCCUPIED, NEAR), np.nan, heights)
+        self._tops, self._floor = highest(self._ground, round(AROUND / cell)), floor
+        self._risers = find_risers(heights)
         rows, columns = np.nonzero(judged == OCCUPIED)
         self._lethal = corner + cell * (np.column_stack((columns, rows)) + 0.5)
         self._keep(judged, correction, resolution)
@@ -104,22 +101,22 @@ class Traversability:
         self._grid = grid = before.grown_to(low, resolution).grown_to(high, resolution)
         if grid is not before:
             row, column = grid.to_cells(before.to_points(np.zeros((1, 2))))[0]
-            edges = np.zeros(grid.cells.shape, bool)
+            grown = np.zeros(grid.cells.shape, bool)
             height, width = self._edges.shape
-            edges[row : row + height, column : column + width] = self._edges
-            self._edges = edges
+            grown[row : row + height, column : column + width] = self._edges
+            self._edges = grown
         cells = grid.cells
         first, last = grid.to_cells(np.stack((low, high)))
         rows, columns = (np.arange(*ends) for ends in zip(first, last + 1, strict=True))
         places = np.stack(np.meshgrid(rows, columns, indexing='ij'), axis=-1).reshape(-1, 2)
         at = transform(inverse(correction), grid.to_points(places))
-        column, row = np.floor((at - self._corner) / self._cell).astype(int).T
-        inside = (row >= 0) & (row < judged.shape[0]) & (column >= 0) & (column < judged.shape[1])
-        places, row, column = places[inside], row[inside], column[inside]
+        inside, row, column = self._cells_at(at)
+        places = places[inside]
         known = judged[row, column] != UNKNOWN
+        edges = find_edges(self._heights, CLIMBED * self.climb)
         there = tuple(places[known].T)
         cells[there] = judged[row, column][known]
-        self._edges[there] = _has_riser(self._heights, 1.2 * self.climb)[row, column][known]
+        self._edges[there] = edges[row, column][known]
         lethal = grid.to_cells(transform(correction, self._lethal))
         cells[tuple(lethal.T)] = OCCUPIED
 
@@ -138,7 +135,7 @@ class Traversability:
         here, there = tuple(judged[inside].T), tuple(places[inside].T)
         ground, edges, known = self._grid.cells[here], self._edges[here], grid.cells[there]
         reach = round(OF_THE_MAP / grid.resolution)
-        walls = np.isfinite(_highest(np.where(grid.cells == OCCUPIED, 0.0, np.nan), reach))
+        walls = is_near(grid.cells == OCCUPIED, reach)
         is_mapped = np.where(ground == FREE, (known > FREE) & ~edges, walls[there])
         ground = np.where(is_mapped, known, ground)
         merged = grid.cells.copy()
@@ -155,8 +152,8 @@ class Traversability:
         """
         Return which rays end on ground that the robot can walk on, shape (n,).
 
-        `begins` (n, 2) and `ends` (n, 3) are in odometry's frame [m]. So do those that end lower
-        than the feet.
+        `begins` (n, 2) and `ends` (n, 3) are in odometry's frame [m]. What is lower than the feet
+        is ground, too.
         """
         tops = self._at(self._tops, ends[:, :2])
         on_known = ends[:, 2] <= np.fmax(tops, self._floor) + ABOVE
@@ -234,92 +231,14 @@ class Traversability:
 
     def _at(self, layer: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return a layer at places (n, 2) [m], NaN outside."""
-        column, row = np.floor((places - self._corner) / self._cell).astype(int).T
-        rows, columns = layer.shape
-        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        inside, row, column = self._cells_at(places)
         values = np.full(len(places), np.nan)
-        values[inside] = layer[row[inside], column[inside]]
+        values[inside] = layer[row, column]
         return values
 
-
-def judge(heights: np.ndarray, cell: float, climb: float) -> np.ndarray:
-    """
-    Return FREE, OCCUPIED or UNKNOWN for heights [m], NaN where unknown, of cells of a side [m].
-
-    A cell that is more than `climb` [m] higher than one beside it is occupied: the front of what
-    is too high, or the edge before what is too deep. So is one with cells that are not seen
-    between it and the next that is, of the same row or column, where the ground between them
-    would be steeper than stairs. Single cells that none beside is like are wrong ones.
-    """
-    known = np.isfinite(heights)
-    judged = np.where(known, FREE, UNKNOWN).astype(np.int8)
-    is_edge = np.zeros(heights.shape, bool)
-    for axis in (0, 1):
-        count = heights.shape[axis]
-        last, following = _neighbours(known, axis)
-        for index in (last, following):
-            at = np.clip(index, 0, count - 1)
-            across = np.take_along_axis(heights, at, axis)
-            cells = np.abs(index - np.arange(count).reshape((-1, 1) if axis == 0 else (1, -1)))
-            allowed = climb + STEEPEST * cell * (cells - 1)
-            is_edge |= (index >= 0) & (index < count) & (heights - across > allowed)
-    judged[is_edge & _has_alike(heights)] = OCCUPIED
-    return judged
-
-
-def _has_alike(heights: np.ndarray) -> np.ndarray:
-    """Return which cells have others of their height beside them."""
-    padded = np.pad(heights, 1, constant_values=np.nan)
-    rows, columns = heights.shape
-    count = np.zeros(heights.shape, int)
-    for row in range(3):
-        for column in range(3):
-            other = padded[row : row + rows, column : column + columns]
-            count += np.abs(other - heights) < ALIKE
-    return count >= FEWEST
-
-
-def _risers(heights: np.ndarray) -> np.ndarray:
-    """Return which cells are before a riser."""
-    found = np.zeros(heights.shape, bool)
-    found[:-1] = np.abs(np.diff(heights, axis=0)) > RISER
-    found[:, :-1] |= np.abs(np.diff(heights, axis=1)) > RISER
-    return found
-
-
-def _neighbours(known: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the index along an axis of the known cell before each cell, and of that after it."""
-    count = known.shape[axis]
-    index = np.arange(count).reshape((-1, 1) if axis == 0 else (1, -1))
-    last = np.maximum.accumulate(np.where(known, index, -1), axis=axis)
-    from_end = np.flip(np.where(known, index, count), axis)
-    following = np.flip(np.minimum.accumulate(from_end, axis=axis), axis)
-    before, after = (np.roll(found, by, axis) for found, by in ((last, 1), (following, -1)))
-    edge = [slice(None), slice(None)]
-    edge[axis] = slice(0, 1)
-    before[tuple(edge)] = -1
-    edge[axis] = slice(count - 1, count)
-    after[tuple(edge)] = count
-    return before, after
-
-
-def _highest(heights: np.ndarray, reach: int) -> np.ndarray:
-    """Return the greatest height of all cells within a reach of each [cells]; NaN: none known."""
-    return -_lowest(-heights, reach)
-
-
-def _lowest(heights: np.ndarray, reach: int) -> np.ndarray:
-    found = np.where(np.isfinite(heights), heights, np.inf)
-    for axis in (0, 1):
-        pad = [(0, 0), (0, 0)]
-        pad[axis] = (reach, reach)
-        padded = np.pad(found, pad, constant_values=np.inf)
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis)
-        found = windows.min(axis=-1)
-    return np.where(np.isfinite(found), found, np.nan)
-
-
-def _has_riser(heights: np.ndarray, most: float) -> np.ndarray:
-    """Return beside which cells the ground rises or falls at an edge, by no more than so much."""
-    spread = _highest(heights, _EDGE_CELLS) - _lowest(heights, _EDGE_CELLS)
-    return np.asarray((spread > _EDGE) & (spread < most))
+    def _cells_at(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return which places (n, 2) [m] the last heights cover, and rows and columns of those."""
+        column, row = np.floor((places - self._corner) / self._cell).astype(int).T
+        rows, columns = self._heights.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return inside, row[inside], column[inside]
