@@ -6,12 +6,13 @@ import math
 from lidar_room import circle, look
 import numpy as np
 import pytest
+from wasd_navigation.mapping.grid_surfaces import make_grid_map
 from wasd_navigation.mapping.local_map import count_fitting, Fit, fit_scan, make_local_map
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.search import Pyramid, Search, Window
-from wasd_navigation.mapping.surface import find_surface, make_grid_map, Noise, RangeNoise
+from wasd_navigation.mapping.surface import find_surface, Noise, RangeNoise
 from wasd_navigation.odometry import add_covariance, OdometryGrowth
 from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import compose, inverse, transform

@@ -7,9 +7,10 @@ import math
 
 import numpy as np
 
+from wasd_navigation.mapping.grid_surfaces import make_grid_map
 from wasd_navigation.mapping.local_map import Fit, fit_scan
 from wasd_navigation.mapping.search import Found, Pyramid, Search, Window, window_around
-from wasd_navigation.mapping.surface import find_surface, make_grid_map, RangeNoise
+from wasd_navigation.mapping.surface import find_surface, RangeNoise
 from wasd_navigation.mapping.tracker import ROUNDS, STUCK, Tracker, TRUST
 from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.records import Grid, Scan
