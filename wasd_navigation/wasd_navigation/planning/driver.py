@@ -29,9 +29,10 @@ _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
 # Of the margin, what all motions keep; and where there is hardly more [m].
 _KEPT, _NOISE = 0.5, 0.005
-# So long it waits for people to leave the way to a goal before that is refused [s].
+# So long it waits for people to leave the way to a goal before that is refused; so long after
+# one look at the way comes the next [s].
 _FOR_PEOPLE, _AGAIN = 15.0, 0.5
-# Where they are about it recovers so many times as often: they go away.
+# Where people are about it may recover so many times as often: they go away.
 _WITH_PEOPLE = 2
 # How the reason ends for which it stands.
 _WAITING = ': waiting'
@@ -70,8 +71,8 @@ class Driver:
     the base frame, shape (3,). `state` is `idle`, `driving`, `turning` (at the goal, to its
     heading), `recovering`, `arrived`, `refused` or `failed`; `reason` says in a sentence why it
     is in that state, where there is something to say. `way` is of the plan, `recoveries` how
-    often it had to recover since the goal was set. `shape` returns the velocity for one that is
-    chosen.
+    often it had to recover since the goal was set. `shape` turns a velocity that it has chosen on
+    its way into the one that it asks for.
     """
 
     def __init__(
@@ -121,9 +122,7 @@ class Driver:
         self.cancel()
         self._before = before
         self.recoveries = 0
-        self._route = Route(
-            np.array(goal, float), self._footprint, self._base, self._parameters, may_be_unknown
-        )
+        self._route = self._route_to(np.array(goal, float), may_be_unknown)
         self.state = 'driving'
         self._is_new, self._is_checked = True, False
         self._refused_for, self._held_back = 0.0, 0.0
@@ -131,6 +130,9 @@ class Driver:
         if before is None:
             self._sampler.reset()
         self._start_anew()
+
+    def _route_to(self, goal: np.ndarray, may_be_unknown: bool) -> Route:
+        return Route(goal, self._footprint, self._base, self._parameters, may_be_unknown)
 
     def _start_anew(self) -> None:
         """Forget how far it came: count time without progress from now."""
@@ -341,40 +343,32 @@ class Driver:
                 return False
         elif not route.settle(self._around, pose):
             return False
-        self._is_new = False
         if route.left(pose) == math.inf:
-            self._is_new = True
             self._refuse(self._no_way(route.goal), dt)
             return False
+        self._is_new = False
         return True
 
     def _refuse(self, reason: str, dt: float) -> None:
         """
-        Refuse the goal, but not because of what was marked and is out of sight now.
+        Refuse the goal, unless marks may be why: forget those out of sight, and try again.
 
-        Where people are about, wait a while for them to go away.
+        Marks that are in sight may be why while people are about, who go away.
         """
         self._refused_for += dt
-        route, layer, is_marked = self._route, self._around.layer, False
+        route, layer, may_clear = self._route, self._around.layer, False
         assert route is not None
         if layer.marks.any():
             layer.forget()
-            may_go = self._around.movers.are_about or layer.is_new
-            is_marked = may_go and self._refused_for <= _FOR_PEOPLE
-        if not is_marked:
+            may_clear = self._around.movers.are_about or layer.is_new
+        if not may_clear or self._refused_for > _FOR_PEOPLE:
             self._end('refused', reason)
             return
         self._held_back = 0.0 if layer.is_new else _AGAIN
         self.state, self.reason = 'recovering', f'{reason}{_WAITING}'
         self._is_checked = False
         self.local_path = np.empty((0, 2))
-        self._route = Route(
-            route.asked,
-            self._footprint,
-            self._base,
-            self._parameters,
-            route.may_be_unknown,
-        )
+        self._route = self._route_to(route.asked, route.may_be_unknown)
 
     def _may_aim(self, goal: np.ndarray) -> bool:
         """Whether a place near a goal, which is none, may be one: it is on the map."""

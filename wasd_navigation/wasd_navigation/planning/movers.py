@@ -16,8 +16,8 @@ import numpy as np
 _GAP, _GAP_SHARE, _WIDEST = 0.2, 0.05, 1.0
 # What is seen of somebody is his front: his middle is behind it, and he is no thinner [m].
 _BEHIND, _LEAST_RADIUS, _SPARE = 0.12, 0.22, 0.04
-# Nobody is found elsewhere than so far from where he is expected [m]; who is not seen for so long
-# is forgotten [s].
+# Somebody is found again within so far of where he is expected [m], and forgotten when he is not
+# seen for so long [s].
 _GATE, _LOST = 0.5, 0.7
 # Standard deviations: of a middle [m], of an acceleration [m/s^2], of a velocity at first [m/s].
 _PLACE, _ACCELERATION, _VELOCITY = 0.03, 2.5, 0.7
@@ -96,7 +96,7 @@ class Movers:
         return np.array(rows).reshape(-1, 5)
 
     def forget(self) -> None:
-        """Forget who is where, before a time without steps."""
+        """Forget where everybody is, before a time without steps."""
         self._tracks = []
 
     def step(self, dt: float) -> None:

@@ -29,12 +29,14 @@ _TEMPERATURE = 0.04
 # What costs how much [m of way]: a step nearer than the margin, one that touches; a second at
 # no comfort; a radian turned; a metre of any way, and one backward.
 _TOO_NEAR, _TOUCHES, _DISCOMFORT = 3.0, 30.0, 0.1
-# Somebody who comes nearer than this at a standstill touches a robot that is not to blame: what
-# it costs then, as a share; what is foreseen counts less by this share each second.
-_NOT_TO_BLAME, _DOUBT = 0.2, 0.2
-# So fast he may leave the line that he walks on [m/s].
-_TURNS = 0.3
 _TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
+# Somebody near a robot that stands costs this share of what he costs one that moves: if he walks
+# into it, he is to blame. It stands below a speed [m/s]; a turn counts as that of its rim, which
+# is so far out [m].
+_NOT_TO_BLAME, _STANDING, _RIM = 0.2, 0.05, 0.3
+# What is foreseen counts less by this share each second; so fast somebody may leave the line that
+# he walks on [m/s].
+_DOUBT, _TURNS = 0.2, 0.3
 # Simple drivers: looks ahead [m] and shares of full speed of those that follow the way; and four
 # that turn left, turn right, back up and stand.
 _FOLLOWERS = 6
@@ -172,7 +174,7 @@ def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
 
 @fast
 def _price_of_movers(state: np.ndarray, scene: Scene, time: float) -> float:
-    """Return what those who move make a state cost that is a time [s] ahead."""
+    """Return what a state costs for who moves near it, a time [s] from now."""
     least, comfort = scene.keep
     room = room_to_movers(scene.movers, scene.circles, state, time)
     if room >= comfort:
@@ -182,7 +184,7 @@ def _price_of_movers(state: np.ndarray, scene: Scene, time: float) -> float:
         cost += _TOO_NEAR * (1.0 + (least - room) / max(least, 0.01))
     if room < 0.0:
         cost += _TOUCHES * (1.0 - 3.0 * room)
-    if abs(state[3]) + abs(state[4]) + 0.3 * abs(state[5]) < 0.05:
+    if abs(state[3]) + abs(state[4]) + _RIM * abs(state[5]) < _STANDING:
         cost *= _NOT_TO_BLAME
     weighed: float = cost * max(1.0 - _DOUBT * time, 0.1)
     return weighed
@@ -257,8 +259,8 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
     """
     Whether the robot can ask for a velocity for a time [s] and then stop, and touch nothing.
 
-    Where it is nearer to something than all motions keep, it may go away from it. Who moves goes
-    on as he does; once the robot stands, it is up to him.
+    Where it is nearer to something than all motions keep, it may go away from it. Who moves is
+    taken to walk on; once the robot stands, it is up to him.
     """
     state = state.copy()
     least = scene.keep[0]
