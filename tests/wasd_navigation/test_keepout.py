@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keepout areas: obstacles for whoever plans, but a robot that stands inside finds out."""
+"""Keepout areas are planned with as obstacles, but a robot that stands inside finds out."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_a_robot_inside_has_a_way_out_and_only_there(footprint):
 
 def test_the_way_out_does_not_lead_through_a_wall():
     known = grid()
-    wall = (known.to_cells(np.array([[2.2, 0.0]]))[0])[1]
+    wall = known.to_cells(np.array([[2.2, 0.0]]))[0, 1]
     known.cells[:, wall : wall + 2] = OCCUPIED
     keepout = Keepout(mask((0.5, -1.5), (2.0, 1.5)), ROUND)
     free = keepout.applied(known, np.array([1.7, 0.0, 0.0]))
@@ -93,7 +93,7 @@ def test_the_way_out_does_not_lead_through_a_wall():
     assert opened or free.cells[tuple(up)] == FREE
 
 
-def test_who_only_passes_by_does_not_overlap():
+def test_a_robot_that_passes_by_an_area_does_not_overlap_it():
     keepout = Keepout(BAND, ROUND)
     assert not keepout.overlaps(np.array([0.29, 0.0, 0.0]))
     assert keepout.overlaps(np.array([0.32, 0.0, 0.0]))

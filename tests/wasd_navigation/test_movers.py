@@ -32,9 +32,9 @@ def seen(place, half=0.2, noise=0.01, random=None):
     return ranges[:, None] * np.stack((cos[hit], sin[hit]), axis=1)
 
 
-def watch(place, velocity, seconds, random=None, movers=None):
+def watch(place, velocity, seconds, random=None):
     """Let somebody walk; return who is known to move then, and where he is."""
-    movers = movers or Movers()
+    movers = Movers()
     at = np.array(place, float)
     for _ in range(round(seconds / PERIOD)):
         at = at + PERIOD * np.array(velocity)
@@ -108,7 +108,7 @@ def test_nothing_seen_is_nobody():
 
 def test_the_room_to_who_moves_is_in_closed_form():
     movers = np.array([[2.0, 0.0, -0.5, 0.0, 0.3]])
-    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    state = np.zeros(6)
     circles = Footprint(radius=0.2).circles
     assert room_to_movers(movers, circles, state, 0.0) == pytest.approx(1.5)
     # He may have turned to one side.
@@ -154,7 +154,7 @@ def test_who_appears_near_is_taken_to_come_until_he_is_known():
     assert not movers.are_about
 
 
-def test_hits_that_no_ray_has_made_are_nobody():
+def test_hits_that_were_added_to_a_scan_are_none_of_the_lidar():
     hits = Scan(np.zeros(2), seen((2.0, 0.0)), np.ones(len(seen((2.0, 0.0))), bool))
     more = hits.with_hits(np.array([[0.5, 0.5], [0.6, 0.5]])).seen_from(np.array([1.0, 0.0, 0.0]))
     assert more.own_points == pytest.approx(seen((2.0, 0.0)) + (1.0, 0.0))
@@ -210,7 +210,7 @@ class Hall:
         return Scan(np.zeros(2), points[order], hits[order])
 
     def count(self, place):
-        """Count when the robot moves as the person, who is 40 cm wide, comes to touch it."""
+        """Count each first touch of the person, 40 cm wide, by a robot that moves."""
         is_touching = False
         cos, sin = math.cos(self.state[2]), math.sin(self.state[2])
         for x, y, radius in self.footprint.circles:

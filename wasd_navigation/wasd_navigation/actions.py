@@ -17,7 +17,7 @@ from wasd_core.errors import InvalidMessage
 from wasd_core.timing import Beat
 
 from wasd_navigation.messages import to_pose_stamped
-from wasd_navigation.navigator import Outcome
+from wasd_navigation.navigator import Outcome, REPLACED
 from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.waypoints import Waypoints
 
@@ -88,7 +88,7 @@ class Action(ABC):
 
     @abstractmethod
     def _feedback(self, frame: str) -> Any:
-        """Return how far it is; None as long as nobody knows."""
+        """Return the feedback, None before there is any."""
 
     @abstractmethod
     def _begin(self, request: Any) -> None:
@@ -96,16 +96,16 @@ class Action(ABC):
         Do what a request asks for.
 
         Raises:
-            InvalidMessage: that is none.
+            InvalidMessage: it asks for nothing that can be driven to.
         """
 
     @abstractmethod
     def _fill(self, result: Any, outcome: Outcome) -> None:
-        """Say in a result how it has ended."""
+        """Write into a result how the goal has ended."""
 
     def _on_goal(self, handle: Any) -> None:
-        # Without a zero: it goes on to the next one, unless that is none.
-        was_driving = self._navigation.navigator.cancel('another goal replaced it')
+        # No standstill is commanded between two goals, unless the new one is refused.
+        was_driving = self._navigation.navigator.cancel(REPLACED)
         self._handle = handle
         handle._update_state(GoalEvent.EXECUTE)  # `execute` would run to the end at once
         try:
@@ -206,14 +206,9 @@ class FollowWaypoints(Action):
         missed = () if self._waypoints is None else self._waypoints.missed
         for index in missed:
             waypoint = importlib.import_module('nav2_msgs.msg').MissedWaypoint()
-            waypoint.index, waypoint.goal, waypoint.error_code = (
-                index,
-                self._poses[index],
-                kind.UNKNOWN,
-            )
+            waypoint.index, waypoint.goal = index, self._poses[index]
+            waypoint.error_code = kind.UNKNOWN
             result.missed_waypoints.append(waypoint)
         if outcome.state != 'arrived':
-            result.error_code, result.error_msg = (
-                kind.UNKNOWN,
-                ': '.join(filter(None, outcome)),
-            )
+            result.error_code = kind.UNKNOWN
+            result.error_msg = ': '.join(filter(None, outcome))

@@ -20,7 +20,7 @@ class Keepout:
     """
     The occupied cells of a mask, which lies in the map's axes.
 
-    For whoever plans they are obstacles, but for those between a robot that stands inside and the
+    They are planned with as obstacles, except those between a robot that stands inside and the
     nearest place outside.
     """
 
@@ -111,6 +111,6 @@ class Keepout:
 
 
 def _is_alike(first: Grid, second: Grid) -> bool:
-    """Whether two grids have the same cells, whatever is in them."""
+    """Whether two grids have their cells at the same places."""
     places = (first.origin, first.resolution) == (second.origin, second.resolution)
     return places and first.cells.shape == second.cells.shape

@@ -37,6 +37,8 @@ BEYOND, AROUND_GOAL = 50.0, 2.0
 STEPS_NEAR = 1.5
 # No map has these revisions.
 NOTHING_DRAWN = (-1, -1)
+# Why a goal is cancelled when another comes.
+REPLACED = 'another goal replaced it'
 # States of a driver in which it has done with a goal.
 ENDS = ('arrived', 'refused', 'failed')
 
@@ -73,8 +75,8 @@ class Navigator:
         self.locator = locator
         self.keepout = keepout
         self._was_inside = False  # of a keepout area
-        self.pilot = pilot
         self.ground: Traversability | None = None
+        self._use(pilot)
         self._explorer = explorer
         self._is_searching = False  # for a way to unknown space
         self._searched = 0.0  # since it has looked what it has seen [s]
@@ -187,7 +189,12 @@ class Navigator:
 
     def configure(self, pilot: Driver, silence: float) -> None:
         """Take another pilot, and how long the lidar may be silent [s]; ends no goal."""
-        self.pilot, self._sighted.timeout = pilot, silence
+        self._use(pilot)
+        self._sighted.timeout = silence
+
+    def _use(self, pilot: Driver) -> None:
+        self.pilot = pilot
+        pilot.shape = self._straighten
 
     def set_goal(self, goal: np.ndarray) -> None:
         """
@@ -196,7 +203,7 @@ class Navigator:
         A yaw of NaN is that of the line from the robot to the goal.
         """
         if self.goal is not None:
-            self._end(Outcome('cancelled', 'another goal replaced it'))
+            self._end(Outcome('cancelled', REPLACED))
         goal = self._with_yaw(goal)
         self.goal = self.last_goal = goal
         self.outcome, self.elapsed = None, 0.0
@@ -207,7 +214,7 @@ class Navigator:
 
     def refuse(self, why: str, goal: np.ndarray = NOWHERE) -> None:
         """End what it was doing, and take no other goal, because of something."""
-        self.cancel('another goal replaced it')
+        self.cancel(REPLACED)
         self.last_goal, self.elapsed, self.pilot.recoveries = self._with_yaw(goal), 0.0, 0
         self._end(Outcome('refused', why))
 
@@ -247,7 +254,6 @@ class Navigator:
             self._end(Outcome('failed', self.notice))
             return np.zeros(3)
         grid = self._look()
-        self.pilot.shape = self._straighten
         velocity = self.pilot.step(
             grid, self._revision, pose, self._odometry.velocity, self._take_scan(), dt
         )
@@ -318,7 +324,7 @@ class Navigator:
             self._end(Outcome('failed', missing))
 
     def _look(self) -> Grid:
-        """Return the map to plan on; when it is drawn depends on nobody who looks at it, too."""
+        """Return the map to plan on; to look at it does not change when it is drawn again."""
         if self._grid is None or self._looked >= LOOK_PERIOD:
             self._looked = 0.0
             is_inside = self._is_kept_out

@@ -12,7 +12,7 @@ from wasd_core.robot_io import BaseOdometry
 from wasd_navigation.exploring import Explorer
 from wasd_navigation.mapping import save_map, save_session
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.navigator import Navigator, Outcome
+from wasd_navigation.navigator import Navigator, Outcome, REPLACED
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_keepout, make_parts, make_pilot, Parts
@@ -158,18 +158,21 @@ class RobotNavigator:
     def go(self, goal: np.ndarray) -> None:
         """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
         if refusal := self._refusal or self._refusal_of(goal):
-            self.stop('another goal replaced it')
+            self.stop(REPLACED)
             self.navigator.refuse(refusal, goal)
         else:
-            self._explorer = None
-            self._end_waypoints(Outcome('cancelled', 'another goal replaced it'))
+            self._begin_another()
             self.navigator.set_goal(goal)
 
     def refuse(self, why: str) -> None:
         """End what it was doing, and take no other goal, because of something."""
-        self._explorer = None
-        self._end_waypoints(Outcome('cancelled', 'another goal replaced it'))
+        self._begin_another()
         self.navigator.refuse(why)
+
+    def _begin_another(self) -> None:
+        """End what chose the goal, exploring or waypoints, before another goal."""
+        self._explorer = None
+        self._end_waypoints(Outcome('cancelled', REPLACED))
 
     @property
     def _refusal(self) -> str:
@@ -185,14 +188,13 @@ class RobotNavigator:
 
     def follow(self, waypoints: Waypoints) -> None:
         """Drive to goals one after another, from now on."""
-        self._explorer = None
-        self._end_waypoints(Outcome('cancelled', 'another goal replaced it'))
+        self._begin_another()
         if refusal := self._refusal:
-            self.stop('another goal replaced it')
+            self.stop(REPLACED)
             self.navigator.refuse(refusal, waypoints.goal)
             waypoints.tell(Outcome('refused', refusal))
         else:
-            self.navigator.cancel('another goal replaced it')
+            self.navigator.cancel(REPLACED)
             self._waypoints = waypoints
             self._drive_on(waypoints)
 
