@@ -29,7 +29,8 @@ from wasd_cockpit.link import (
     STICK_PROOF,
 )
 from wasd_cockpit.panels.drive import DEAD_ZONE, deflection
-from wasd_cockpit.panels.map import FREE_GREY, grid_step, LEAST_GAP, paint_cells, REACHES, View
+from wasd_cockpit.panels.floor import FloorView, grid_step, LEAST_GAP
+from wasd_cockpit.panels.map import FREE_GREY, paint_cells, REACHES
 from wasd_cockpit.panels.plots import MOST_POINTS, runs, thin
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.style import TEXT
@@ -118,7 +119,7 @@ def test_lines_are_thinned_to_what_is_seen_and_end_with_the_last_sample(count):
 
 
 def test_many_points_are_on_the_page_where_each_is():
-    view = View(Rect(10.0, 20.0, 110.0, 220.0), PlanarPose(1.0, -2.0, 0.5), 4.0)
+    view = FloorView(Rect(10.0, 20.0, 110.0, 220.0), PlanarPose(1.0, -2.0, 0.5), 4.0)
     points = np.array([[0.0, 0.0], [1.5, -2.5], [-3.0, 7.0]])
     np.testing.assert_allclose(view.all_to_page(points), [view.to_page(*p) for p in points])
 
@@ -126,7 +127,7 @@ def test_many_points_are_on_the_page_where_each_is():
 @pytest.mark.parametrize('height', [40, 90, 400])
 @pytest.mark.parametrize('reach', REACHES)
 def test_the_map_has_lines_whatever_its_size_and_few_of_them(height, reach):
-    view = View(Rect(0.0, 0.0, 600.0, height), PlanarPose(), reach)
+    view = FloorView(Rect(0.0, 0.0, 600.0, height), PlanarPose(), reach)
     step = grid_step(view.scale)
     assert step * view.scale > LEAST_GAP or step == REACHES[-1]
     assert step == 0.5 or 0.5 * step * view.scale <= LEAST_GAP

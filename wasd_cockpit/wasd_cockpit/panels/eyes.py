@@ -7,7 +7,7 @@ import numpy as np
 from wasd_cockpit import style
 from wasd_cockpit.heights import height_colours, height_scale, LEAST_SPAN, paint_heights
 from wasd_cockpit.link import Elevation, Snapshot
-from wasd_cockpit.panels.map import paint_grid, paint_image, paint_robot, View
+from wasd_cockpit.panels.floor import FloorView, paint_grid, paint_image, paint_robot
 from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.sight import SIZE
 from wasd_cockpit.widgets import Rect
@@ -16,7 +16,7 @@ _SCALE_HEIGHT, _FOOT = 8.0, 4.0
 
 
 class Eyes:
-    """Shows one of both while it is wanted: a picture is 300 kB, an elevation 40 kB."""
+    """Shows one of both, or neither: a picture is 300 kB, an elevation 40 kB."""
 
     def __init__(self) -> None:
         self.shown = ''
@@ -82,7 +82,7 @@ class _Heights:
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
         imgui.PushClipRect(low, high, True)
         rect = Rect(low.x, low.y, high.x, high.y)
-        view = View(rect, elevation.pose, 0.5 * rows * elevation.resolution)
+        view = FloorView(rect, elevation.pose, 0.5 * rows * elevation.resolution)
         size = (columns * elevation.resolution, rows * elevation.resolution)
         paint_image(self._texture, elevation.corner, size, rect, view)
         paint_grid(rect, view)
@@ -102,8 +102,7 @@ class _Heights:
         top = at.y + 0.5 * (imgui.GetTextLineHeight() - _SCALE_HEIGHT)
         drawing, parts = imgui.GetWindowDrawList(), 40
         for part, rgb in enumerate(height_colours(np.linspace(low, high, parts), low, high)):
-            ends = (at.x + width * share / parts for share in (part, part + 1))
-            left, right = ends
+            left, right = (at.x + width * share / parts for share in (part, part + 1))
             fill = style.colour(tuple(rgb.tolist()))
             drawing.AddRectFilled(
                 imgui.Vec2(left, top), imgui.Vec2(right, top + _SCALE_HEIGHT), fill
@@ -113,7 +112,7 @@ class _Heights:
         page.widgets.words(words, style.DIM)
         page.widgets.note('text highest')
 
-    def _paint_feet(self, elevation: Elevation, view: View) -> None:
+    def _paint_feet(self, elevation: Elevation, view: FloorView) -> None:
         """Paint the feet, and where those that swing are to land."""
         drawing = imgui.GetWindowDrawList()
         for places, rgb in ((elevation.feet, style.TEXT), (elevation.footholds, style.FOOTHOLD)):

@@ -11,15 +11,14 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 import numpy as np
 
 from wasd_cockpit import style
-from wasd_cockpit.link import moved, Navigation, navigation_words, Order, PlanarPose, Snapshot
+from wasd_cockpit.link import moved, Navigation, navigation_words, Order, Snapshot
+from wasd_cockpit.panels.floor import FloorView, paint_grid, paint_image, paint_robot
 from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.widgets import Dragging, Rect
 
 # How much of the floor is seen [m], from middle to edge.
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
 MOST_TRAIL = 80
-# Lines of the floor are one of these apart [m], and at least so far where one is enough [pixels].
-GRID_STEPS, LEAST_GAP = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 22.0
 
 # Grey of what is free; what nobody has seen is left out.
 FREE_GREY: style.Rgb = (62, 70, 86)
@@ -37,89 +36,6 @@ def paint_cells(cells: np.ndarray) -> bytes:
     image[cells[::-1] > OCCUPIED, :3] = KEEPOUT_RED
     image[..., 3] = 255 * known
     return image.tobytes()
-
-
-class View:
-    """Where points of the floor [m] are on the page [pixels]: x to the right, y up."""
-
-    def __init__(self, rect: Rect, pose: PlanarPose, reach: float) -> None:
-        self._cx, self._cy = 0.5 * (rect.left + rect.right), 0.5 * (rect.top + rect.bottom)
-        self.scale = 0.5 * min(rect.width, rect.height) / reach
-        self._pose = pose
-
-    def to_page(self, x: float, y: float) -> tuple[float, float]:
-        """Return where a point of the floor is on the page."""
-        scale = self.scale
-        return self._cx + scale * (x - self._pose.x), self._cy - scale * (y - self._pose.y)
-
-    def all_to_page(self, points: np.ndarray) -> np.ndarray:
-        """Return where points (n, 2) of the floor are on the page, (n, 2)."""
-        start = self._pose.x, self._pose.y
-        return np.asarray((points - start) * (self.scale, -self.scale) + (self._cx, self._cy))
-
-    def to_floor(self, x: float, y: float) -> tuple[float, float]:
-        """Return which point of the floor is at a place of the page."""
-        scale = self.scale
-        return self._pose.x + (x - self._cx) / scale, self._pose.y - (y - self._cy) / scale
-
-
-def grid_step(scale: float) -> float:
-    """Return how far apart lines [m] are to be that are not too dense at a scale [pixels/m]."""
-    return next((step for step in GRID_STEPS if step * scale > LEAST_GAP), GRID_STEPS[-1])
-
-
-def paint_image(
-    texture: int,
-    corner: tuple[float, float],
-    size: tuple[float, float],
-    rect: Rect,
-    view: View,
-) -> None:
-    """Paint what is in sight of a picture, y up, of a part of the floor: its corner, size [m]."""
-    left, bottom = view.to_page(*corner)
-    right, top = view.to_page(corner[0] + size[0], corner[1] + size[1])
-    seen = Rect(
-        max(left, rect.left),
-        max(top, rect.top),
-        min(right, rect.right),
-        min(bottom, rect.bottom),
-    )
-    if seen.width <= 0.0 or seen.height <= 0.0:
-        return
-    shares = [
-        imgui.Vec2((px - left) / (right - left), (py - top) / (bottom - top))
-        for px, py in ((seen.left, seen.top), (seen.right, seen.bottom))
-    ]
-    imgui.SetCursorScreenPos(imgui.Vec2(seen.left, seen.top))
-    imgui.Image(texture, imgui.Vec2(seen.width, seen.height), *shares)
-
-
-def paint_grid(rect: Rect, view: View) -> None:
-    """Paint lines that are not too dense."""
-    drawing, line = imgui.GetWindowDrawList(), style.colour(style.LINE, 0.6)
-    step = grid_step(view.scale)
-    left, top = view.to_floor(rect.left, rect.top)
-    right, bottom = view.to_floor(rect.right, rect.bottom)
-    for number in range(math.ceil(left / step), math.floor(right / step) + 1):
-        x, _ = view.to_page(number * step, 0.0)
-        drawing.AddLine(imgui.Vec2(x, rect.top), imgui.Vec2(x, rect.bottom), line)
-    for number in range(math.ceil(bottom / step), math.floor(top / step) + 1):
-        _, y = view.to_page(0.0, number * step)
-        drawing.AddLine(imgui.Vec2(rect.left, y), imgui.Vec2(rect.right, y), line)
-
-
-def paint_robot(size: float, pose: PlanarPose, view: View) -> None:
-    """Paint an arrow as large as the robot, but one that is seen."""
-    size = max(size * view.scale, 9.0)
-    x, y = view.to_page(pose.x, pose.y)
-    corners = []
-    for turn, length in ((0.0, 1.0), (2.5, 0.8), (math.pi, 0.3), (-2.5, 0.8)):
-        angle = pose.yaw + turn
-        place = x + length * size * math.cos(angle), y - length * size * math.sin(angle)
-        corners.append(imgui.Vec2(*place))
-    drawing, fill = imgui.GetWindowDrawList(), style.colour(style.COMMAND)
-    drawing.AddTriangleFilled(corners[0], corners[1], corners[2], fill)
-    drawing.AddTriangleFilled(corners[0], corners[2], corners[3], fill)
 
 
 class Map:
@@ -151,7 +67,7 @@ class Map:
         rect, is_held = self._draw_floor(page)
         low, high = imgui.Vec2(rect.left, rect.top), imgui.Vec2(rect.right, rect.bottom)
         imgui.PushClipRect(low, high, True)
-        view = View(rect, pose, REACHES[self.zoom])
+        view = FloorView(rect, pose, REACHES[self.zoom])
         if navigation is not None:
             self._paint_map(page, navigation, rect, view)
             self._take_goal(page, view, is_held)
@@ -194,14 +110,16 @@ class Map:
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
         return Rect(low.x, low.y, high.x, high.y), is_held
 
-    def _take_goal(self, page: PageState, view: View, is_held: bool) -> None:
+    def _take_goal(self, page: PageState, view: FloorView, is_held: bool) -> None:
         """Order a goal where the floor is clicked; a drag from there is the way to look."""
         drag = self._dragging.step(is_held)
         if drag is not None and page.is_live:
             end = None if drag.is_click else view.to_floor(*drag.end)
             page.link.order(Order.goal(view.to_floor(*drag.start), end))
 
-    def _paint_map(self, page: PageState, navigation: Navigation, rect: Rect, view: View) -> None:
+    def _paint_map(
+        self, page: PageState, navigation: Navigation, rect: Rect, view: FloorView
+    ) -> None:
         """Paint what of the map is in sight."""
         rows, columns = navigation.cells.shape
         if self._painted != navigation.number:
@@ -211,7 +129,7 @@ class Map:
         size = (columns * navigation.resolution, rows * navigation.resolution)
         paint_image(self._texture, navigation.origin, size, rect, view)
 
-    def _paint_way(self, navigation: Navigation, view: View) -> None:
+    def _paint_way(self, navigation: Navigation, view: FloorView) -> None:
         if navigation.goal is None:
             return
         drawing, blue = imgui.GetWindowDrawList(), style.colour(style.COMMAND)
@@ -226,7 +144,7 @@ class Map:
         end = imgui.Vec2(x + 14.0 * math.cos(goal.yaw), y - 14.0 * math.sin(goal.yaw))
         drawing.AddLine(imgui.Vec2(x, y), end, blue, 2.0)
 
-    def _paint_points(self, points: np.ndarray, rect: Rect, view: View) -> None:
+    def _paint_points(self, points: np.ndarray, rect: Rect, view: FloorView) -> None:
         if not len(points):
             return
         add, corner = imgui.GetWindowDrawList().AddRectFilled, imgui.Vec2
@@ -236,7 +154,7 @@ class Map:
         for left, top in (places[is_seen.all(axis=1)] - 2.0).tolist():
             add(corner(left, top), corner(left + 4.0, top + 4.0), fill)
 
-    def _paint_trail(self, trail: np.ndarray, view: View) -> None:
+    def _paint_trail(self, trail: np.ndarray, view: FloorView) -> None:
         if len(trail) < 2:
             return
         every = max(1, -(-len(trail) // MOST_TRAIL))
