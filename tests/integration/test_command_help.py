@@ -11,7 +11,7 @@ from PIL import Image
 import pytest
 from robot_description.mujoco import NO_RENDERER
 from wasd_bringup.cli import main
-from wasd_bringup.cli.demo import BACKGROUND, SCALE_HEIGHT
+from wasd_bringup.cli.drawings import BACKGROUND, SCALE_HEIGHT
 from wasd_bringup.cli.main import DEMO
 from wasd_bringup.cli.parsers import examples_of
 from wasd_bringup.robots import BOTH, ROBOTS
