@@ -19,7 +19,6 @@ from slam_logs import ODOMETRIES
 from table import format_count, Row
 from wasd_core.rotations import Pose
 from wasd_navigation.odometry import Odometry
-from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.planning.distances import measure_distances
 from wasd_navigation.planning.goal_field import flood, march_from
 from wasd_navigation.records import FREE, OCCUPIED, UNKNOWN
@@ -50,18 +49,7 @@ class Ride:
     def __init__(self, name: str, seed: int) -> None:
         self.course = Course(ROBOTS[name], seed)
         robot, self.flat, self.moving = self.course.robot, self.course.flat, self.course.moving
-        limits = {f'limits.{key}': value for key, value in vars(robot.limits).items()}
-        planning = {f'planning.{key}': value for key, value in vars(robot.parameters).items()}
-        footprint = robot.footprint
-        size = (
-            {'robot_radius': footprint.radius}
-            if footprint.is_circle
-            else {
-                'footprint_length': 2.0 * footprint.half_length,
-                'footprint_width': 2.0 * footprint.half_width,
-            }
-        )
-        self.unit = RobotNavigator(NavigatorParameters().changed({**limits, **planning, **size}))
+        self.unit = RobotNavigator(robot.settings)
         self._asked = np.zeros(3)
         self.unit.send = self._ask
         self._wheels = ODOMETRIES[name]

@@ -38,6 +38,7 @@ class Robot:
     parameters: PlanningParameters
     lidar: LidarTag
     sway: float  # of the trunk, to the sides [m]
+    settings: NavigatorParameters  # all of its navigator's, those above among them
 
 
 def shipped(name: str, sway: float = 0.0) -> Robot:
@@ -48,7 +49,7 @@ def shipped(name: str, sway: float = 0.0) -> Robot:
     settings = NavigatorParameters.from_mapping(given)
     ((lidar,), *_), _ = read_sensor_tags(load_robot(name).robot)
     assert isinstance(lidar, LidarTag)
-    return Robot(settings.footprint, settings.limits, settings.planning, lidar, sway)
+    return Robot(settings.footprint, settings.limits, settings.planning, lidar, sway, settings)
 
 
 ROBOTS = {'mbot': shipped('mbot'), 'go2': shipped('go2', sway=0.01)}

@@ -24,7 +24,6 @@ from wasd_core.rotations import Pose
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import Odometry
-from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_pilot
 from wasd_navigation.records import Grid, Ranges
 from wasd_navigation.robot_navigator import RobotNavigator
@@ -67,13 +66,9 @@ class Ride:
     """
 
     def __init__(self, world: Path, seed: int, grid: Grid | None = None) -> None:
-        self.robot, robot = wasd.Mbot(world=str(world), seed=seed), ROBOTS['mbot']
+        self.robot, settings = wasd.Mbot(world=str(world), seed=seed), ROBOTS['mbot'].settings
         self._lidar = Lidar(A1, Site(self.robot._world, load_robot('mbot').robot))
         self._random = np.random.default_rng((seed, 3))
-        limits = {f'limits.{key}': value for key, value in vars(robot.limits).items()}
-        planning = {f'planning.{key}': value for key, value in vars(robot.parameters).items()}
-        size = {'robot_radius': robot.footprint.radius}
-        settings = NavigatorParameters().changed({**limits, **planning, **size})
         locator = Mapper() if grid is None else Localizer(grid)
         if isinstance(locator, Localizer):
             locator.start(np.zeros(3), 0.01 * np.eye(3))
