@@ -29,11 +29,12 @@ PEOPLE, GOALS = 3, 5
 ROOM, BEFORE, WAITS = 0.35, 0.8, 2.0
 # Goals where somebody comes are no nearer, so that there is a way to meet on [m].
 FAR = 5.0
-# Who crosses begins so far beside the way, goes on so far on its other side, at most [m].
-BESIDE = (1.0, 2.5)
+# Who crosses begins at least, and at most, so far beside the way; and walks on for at least so
+# far beyond it, at most as far [m].
+BESIDE, BEYOND = (1.0, 2.5), 0.4
 # Who comes head-on is so far ahead on the way at first [m].
 AHEAD = 4.5
-# A robot that is slower stands [m/s], [rad/s]: whoever then walks into it is to blame.
+# A robot that is slower stands [m/s], [rad/s]: somebody who walks into it then is to blame.
 STANDS = (0.03, 0.1)
 MOST = 0.95
 
@@ -41,6 +42,11 @@ MOST = 0.95
 def person(place: np.ndarray, heading: float) -> np.ndarray:
     """Return a person as a box, shape (6,)."""
     return np.array((place[0], place[1], *HALF, 1.7, heading))
+
+
+def lengths(line: np.ndarray) -> np.ndarray:
+    """Return how far along a line each of its places (n, 2) is, shape (n,) [m]."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
 
 
 class Stroller:
@@ -99,29 +105,29 @@ class Stroller:
 
 
 class Walker:
-    """Walks along a line of places, shape (n, 2), at a speed, whoever is there."""
+    """Walks along a line of places, shape (n, 2), at a speed, and does not yield."""
 
     def __init__(self, line: np.ndarray, speed: float) -> None:
         self._line, self._speed = line, speed
-        self._gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+        self._gone = lengths(line)
         self._at = 0.0
 
-    def step(self, dt: float) -> np.ndarray | None:
-        """Walk for a time [s]; return the box, None at the end of the line."""
-        self._at += self._speed * dt
+    def come(self) -> list[np.ndarray]:
+        """Walk for a period; return the box, none at the end of the line."""
+        self._at += self._speed * (1.0 / RATE)
         if self._at > self._gone[-1]:
-            return None
+            return []
         place = [np.interp(self._at, self._gone, values) for values in self._line.T]
         index = min(int(np.searchsorted(self._gone, self._at)), len(self._line) - 1)
         along = self._line[index] - self._line[max(index - 1, 0)]
-        return person(np.array(place), math.atan2(along[1], along[0]))
+        return [person(np.array(place), math.atan2(along[1], along[0]))]
 
 
 class Meeting:
     """
     Rides to a goal while people move.
 
-    `touches` are how often somebody was touched first by a robot that moved; `met` is whether
+    `touches` counts the first touches of somebody by a robot that moved; `met` is whether
     anybody came.
     """
 
@@ -167,23 +173,23 @@ class Meeting:
         self._is_touching = is_touching
 
     def crossing(self, random: np.random.Generator) -> Callable[[], list[np.ndarray]]:
-        """Have somebody cross the way so that they would meet."""
-        state: dict[str, Any] = {'walker': None, 'line': None}
+        """Return who crosses the way so that they would meet."""
+        walker: Walker | None = None
+        across: tuple[np.ndarray, np.ndarray] | None = None
 
         def come() -> list[np.ndarray]:
-            if state['walker'] is None:
-                if state['line'] is None and (line := self._line_across(random)) is not None:
-                    state['line'] = line
-                if state['line'] is None:
+            nonlocal walker, across
+            if walker is None:
+                across = across or self._line_across(random)
+                if across is None:
                     return []
-                line, cross = state['line']
+                line, cross = across
                 left = float(np.hypot(*(line[0] - cross)))
                 ahead = float(np.hypot(*(self.ride.moving.pose[:2] - cross)))
                 if ahead / self.ride.course.robot.limits.forward > left / CROSSING:
                     return [person(line[0], 0.0)]
-                state['walker'], self.met = Walker(line, CROSSING), True
-            box = state['walker'].step(1.0 / RATE)
-            return [] if box is None else [box]
+                walker, self.met = Walker(line, CROSSING), True
+            return walker.come()
 
         return come
 
@@ -192,7 +198,7 @@ class Meeting:
         path = self.ride.unit.navigator.pilot.path
         if self.ride.unit.navigator.state != 'driving' or len(path) < 10:
             return None
-        gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+        gone = lengths(path)
         distances = self._room()
         for index in random.permutation(np.flatnonzero((gone > 2.0) & (gone < 4.0))):
             x, y = path[min(index + 3, len(path) - 1)] - path[max(index - 3, 0)]
@@ -208,7 +214,7 @@ class Meeting:
             begin = path[index] + across * (spans[0] - 0.05)
             end = path[index] - across * (spans[1] - 0.05)
             off = math.dist(begin, self.ride.moving.pose[:2])
-            if spans[0] >= BESIDE[0] and spans[1] >= 0.4 and off > 1.5:
+            if spans[0] >= BESIDE[0] and spans[1] >= BEYOND and off > 1.5:
                 return np.stack((begin, end)), path[index]
         return None
 
@@ -217,26 +223,25 @@ class Meeting:
         return measure_distances(grid.cells != 0, grid.resolution)
 
     def head_on(self) -> Callable[[], list[np.ndarray]]:
-        """Have somebody come along the way of the robot."""
-        state: dict[str, Any] = {'walker': None}
+        """Return who comes along the way of the robot."""
+        walker: Walker | None = None
         behind: list[np.ndarray] = []
 
         def come() -> list[np.ndarray]:
+            nonlocal walker
             navigator = self.ride.unit.navigator
             behind.append(self.ride.moving.pose[:2].copy())
-            if state['walker'] is None:
+            if walker is None:
                 path = navigator.pilot.path
                 if navigator.state != 'driving' or len(path) < 10 or len(behind) < 40:
                     return []
-                gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+                gone = lengths(path)
                 if gone[-1] < AHEAD:
                     return []
                 begin = int(np.searchsorted(gone, AHEAD))
                 back = np.array(behind[::-1][::4])
-                state['walker'] = Walker(np.concatenate((path[begin::-1], back)), HEAD_ON)
-                self.met = True
-            box = state['walker'].step(1.0 / RATE)
-            return [] if box is None else [box]
+                walker, self.met = Walker(np.concatenate((path[begin::-1], back)), HEAD_ON), True
+            return walker.come()
 
         return come
 
@@ -262,7 +267,7 @@ def among_people(ride: Ride, seed: int) -> list[dict[str, Any]]:
 
 
 def meet(ride: Ride, seed: int, kind: str) -> dict[str, Any]:
-    """Drive to a goal while somebody comes who does not yield; one who is met, if any can be."""
+    """Drive to goals while somebody comes who does not yield, until he is met, six at most."""
     random = np.random.default_rng((seed, 92, len(kind)))
     for _ in range(6):
         meeting = Meeting(ride)
