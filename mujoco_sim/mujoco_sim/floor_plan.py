@@ -17,9 +17,9 @@ AROUND = (0.9, 0.7, 0.5, 0.4, 0.3)
 
 class FloorPlan(NamedTuple):
     """
-    Boxes as those of a `Flat`, shape (n, 6), all of them walls; the robot starts at the origin.
+    Boxes like those of a `Flat`, shape (n, 6), all of them walls; the robot starts at the origin.
 
-    `cell` is the length of the cells that they are made of [m], `size` the longer side of all.
+    `cell` is the side of the cells that they are made of, `size` the longer side of the plan [m].
     """
 
     boxes: np.ndarray
@@ -142,6 +142,6 @@ def _grown(cells: np.ndarray) -> tuple[int, int]:
 
 
 def _run(cells: np.ndarray) -> int:
-    """Return with how many cells in a row it begins that are walls."""
+    """Return how many cells there are before the first that is no wall."""
     gap = int(cells.argmin())
     return gap if not cells[gap] else len(cells)

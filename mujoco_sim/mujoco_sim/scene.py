@@ -71,7 +71,7 @@ def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
     """
     Put a robot's specification into a world: a name, a terrain with its size, or a file.
 
-    That is a model, or a floor plan: a map's YAML file, or a picture with its scale.
+    The file is a model or a floor plan: a map's YAML file, or a picture with its scale.
 
     `seed` decides what is random in a terrain.
 
@@ -196,7 +196,7 @@ def _build_flat(spec: mujoco.MjSpec, flat: Flat) -> None:
 
 
 def _build(spec: mujoco.MjSpec, boxes: np.ndarray, walls: int, size: float) -> None:
-    """Build boxes as those of a `Flat`, the first of them walls, in a plan of a size [m]."""
+    """Build boxes like those of a `Flat`, the first of them walls, in a plan of a size [m]."""
     # Boards, not the slabs of the endless floor; and shadows wherever the robot goes.
     floor = spec.texture('floor')
     floor.rgb1, floor.rgb2, floor.markrgb = BOARDS

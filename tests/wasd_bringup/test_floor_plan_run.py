@@ -16,7 +16,7 @@ OPTIONS = {'robot': 'mbot', 'description': 'mbot', 'preset': 'mbot', 'speed': 0.
 
 
 def explore(world, name):
-    """Map a world, and save that map by a name; return the run's report."""
+    """Explore a world, and save its map by a name."""
     run = Run(RunOptions(**OPTIONS, world=world, explore=True, save_map=name))
     unit = run.navigations[0].unit
     while not unit.is_exploring:

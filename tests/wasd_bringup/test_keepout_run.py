@@ -13,6 +13,8 @@ from wasd_navigation.keepout import KEEPOUT
 
 pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(240.0)]
 
+MBOT = {'robot': 'mbot', 'description': 'mbot', 'preset': 'mbot', 'speed': 0.0, 'map': ''}
+
 
 @pytest.fixture
 def make(tmp_path):
@@ -26,17 +28,7 @@ def make(tmp_path):
             pixels[140 - top : 140 - bottom, left:right] = 0
         path = tmp_path / 'mask.png'
         Image.fromarray(pixels).save(path)
-        options = RunOptions(
-            robot='mbot',
-            description='mbot',
-            preset='mbot',
-            world='room',
-            speed=0.0,
-            map='',
-            keepout=f'{path},0.05',
-            **more,
-        )
-        runs.append(Run(options))
+        runs.append(Run(RunOptions(**MBOT, world='room', keepout=f'{path},0.05', **more)))
         return runs[-1]
 
     yield make
@@ -81,7 +73,7 @@ def test_a_goal_in_an_area_is_refused_in_a_line_with_the_cure(make):
     drive(run, 30.0, lambda: len(navigation.report()['goals']) == 2)
     refused, reached = navigation.report()['goals']
     assert refused['state'] == 'refused'
-    assert refused['reason'] == ('(0.80, 0.00) is in a keepout area: choose a place outside it')
+    assert refused['reason'] == '(0.80, 0.00) is in a keepout area: choose a place outside it'
     assert reached['state'] == 'arrived'
     assert (navigation.view().cells == KEEPOUT).any()
 
@@ -106,8 +98,7 @@ def test_exploring_keeps_out(make):
     assert not inside(places, area).any()
 
 
-def test_a_mask_that_is_none_is_refused_in_a_line(make, tmp_path):
-    options = {'robot': 'mbot', 'description': 'mbot', 'preset': 'mbot', 'speed': 0.0, 'map': ''}
+def test_a_mask_that_is_none_is_refused_in_a_line(tmp_path):
     (tmp_path / 'bad.yaml').write_text('image: mask.png\n')
     (tmp_path / 'bad.png').write_text('no picture')
     for words, wanted in (
@@ -118,5 +109,5 @@ def test_a_mask_that_is_none_is_refused_in_a_line(make, tmp_path):
         (f'{tmp_path}/bad.png', r'wanted FILE.yaml, or PICTURE,METRES_PER_PIXEL'),
     ):
         with pytest.raises(UserError, match=wanted) as caught:
-            Run(RunOptions(**options, keepout=words))
+            Run(RunOptions(**MBOT, keepout=words))
         assert '\n' not in str(caught.value)

@@ -83,7 +83,7 @@ class RobotView:
         return Marks(place=place, rotation=rotation)
 
     def map_while(self, is_looked_at: Callable[[], bool]) -> None:
-        """Take who says whether the page looks at the robot's elevation now."""
+        """Take what says whether the page looks at the robot's elevation now."""
 
     def elevation(self) -> Elevation | None:
         """Return the heights that it has mapped around it; None before there are any."""
