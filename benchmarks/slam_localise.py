@@ -21,6 +21,7 @@ LENGTH = 110.0  # of the way on which a map is made [m]
 PUSH, AFTER, GOAL_NEAR = 0.18, 1.2, 0.10  # [m]
 RIGHT, WRONG = 0.15, 0.5  # from the truth [m]
 ROUNDS_INSIDE, LONGEST = 3, 380  # of an equal room; scans until the place is found
+FROM_END = 1.2  # of the corridor before equal rooms it turns round [m]
 SCANS_AFTER = 16  # that it was found
 SENSOR = 'A1, mbot'
 
@@ -87,11 +88,9 @@ def tell_rooms_apart(seed: int) -> dict[str, Any]:
     for _ in range(ROUNDS_INSIDE):
         for angle in np.arange(0.0, 2.0 * math.pi, 0.1) * turn:
             way.append((x + 0.5 * math.sin(angle), y + 0.3 - 0.3 * math.cos(angle)))
-    end = rooms.ends[room if random.random() < 0.5 else 1 - room]
-    end += 1.2 if end == rooms.ends[0] else -1.2
-    way += [(x, y), (x, rooms.corridor), (end, rooms.corridor)]
-    other = end + (rooms.ends[1] - rooms.ends[0] - 2.4) * (1.0 if end == min(end, x) else -1.0)
-    way.append((other, rooms.corridor))
+    ends = rooms.ends[0] + FROM_END, rooms.ends[1] - FROM_END
+    first = room if random.random() < 0.5 else 1 - room
+    way += [(x, y), *((to, rooms.corridor) for to in (x, ends[first], ends[1 - first]))]
     start = np.array((x, y, random.uniform(-math.pi, math.pi)))
     log = log_of(rooms.flat, np.asarray(follow(start, _fill(way))), seed + 1)
     inside = np.abs(log.truth[:, 1] - y) < 0.5 * rooms.size[1]

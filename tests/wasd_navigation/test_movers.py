@@ -133,7 +133,7 @@ def scene(movers):
         (np.array([[0.6, 2.5, 0.0, -1.0, 0.25]]), True),  # it stands before he is there
     ],
 )
-def test_a_robot_asks_for_what_it_can_stop_from_before_who_comes_is_there(movers, may_drive):
+def test_a_robot_drives_only_where_it_can_stop_before_somebody_comes(movers, may_drive):
     base = base_of(DriveLimits())
     state = np.array((0.0, 0.0, 0.0, 0.4, 0.0, 0.0))
     asked = np.array((0.4, 0.0, 0.0))
@@ -241,7 +241,7 @@ LEGS = (
         (((6.5, 4.5), (1.0, 2.5)), 1.0),
     ],
 )
-def test_nobody_who_walks_on_is_touched_by_a_robot_that_moves(robot, line, speed):
+def test_a_robot_that_moves_touches_nobody_who_walks_on(robot, line, speed):
     hall = Hall(*robot, line, speed)
     hall.driver.set_goal(np.array((6.5, 3.0, 0.0)))
     assert hall.run(60.0) == 'arrived'
@@ -249,7 +249,7 @@ def test_nobody_who_walks_on_is_touched_by_a_robot_that_moves(robot, line, speed
 
 
 @pytest.mark.slow
-def test_a_goal_waits_for_who_stands_in_the_door_if_he_came_a_moment_ago():
+def test_a_robot_waits_for_somebody_who_has_just_come_to_stand_in_a_door():
     hall = Hall(*WHEELS, ((3.0, 1.0), (4.0, 3.0)), 0.8, stays=6.0)
     hall.grid.cells[:, 79:82] = 100
     hall.grid.cells[52:68, 79:82] = 0  # a door of 0.8 m

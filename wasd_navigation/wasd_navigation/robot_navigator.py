@@ -180,7 +180,7 @@ class RobotNavigator:
         return ' and '.join(f'{lock} is on' for lock in sorted(self.locks)) or self.refusal()
 
     def _refusal_of(self, goal: np.ndarray) -> str:
-        """Why a goal is none by the keepout areas, '' where it may be one."""
+        """Why keepout areas forbid a goal, '' where they do not."""
         keepout = self.navigator.keepout
         if keepout is None or not keepout.has(goal[:2]):
             return ''
