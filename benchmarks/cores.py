@@ -60,6 +60,12 @@ def each_on_cores(
             yield futures[future], future.result()
 
 
+def all_on_cores(work: Callable[[Task], Done], tasks: Sequence[Task]) -> list[Done]:
+    """Return what `work` returns of each task, in their order."""
+    done = dict(each_on_cores(work, tasks))
+    return [done[task] for task in tasks]
+
+
 def on_cluster(runs: Sequence[Run]) -> Iterator[tuple[Run, Result]]:
     """
     Yield each run and its result, as they come from the cluster.

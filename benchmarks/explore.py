@@ -9,9 +9,11 @@ The lidar is the ideal one (1 cm of noise), odometry errs as each robot's does.
 
 from collections.abc import Callable
 import dataclasses
+from functools import partial
 import math
 from typing import Any
 
+from cores import all_on_cores
 from goals_trials import closed, Course, NEAREST
 from kinematic import draw_grid, RATE, ROBOTS
 import numpy as np
@@ -225,7 +227,8 @@ def tour(flat: Any, inscribed: float) -> float:
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Let mbot explore flats."""
     note('explore: mbot')
-    trials = [explore('mbot', FIRST_SEED + index) for index in range(1 if quick else 20)]
+    flats = 1 if quick else 20
+    trials = all_on_cores(partial(explore, 'mbot'), range(FIRST_SEED, FIRST_SEED + flats))
     good = [
         trial['done'] and trial['known'] >= KNOWN and trial['gap'] > 0.0 and trial['home'] < 0.1
         for trial in trials
@@ -242,8 +245,8 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
             passed=all(good) and max(longer) <= LONGER,
             trials=trials,
         ),
-        *_goals_by_own_map(1 if quick else 20, note),
-        *_goals_unseen(1 if quick else 20, note),
+        *_goals_by_own_map(flats, note),
+        *_goals_unseen(flats, note),
     ]
 
 
@@ -251,11 +254,9 @@ def _goals_by_own_map(flats: int, note: Callable[[str], None]) -> list[Row]:
     rows = []
     for name in ROBOTS:
         note(f'explore: {name}, goals in flats that it explored')
-        drives = [
-            drive
-            for seed in range(FIRST_SEED + 100, FIRST_SEED + 100 + flats)
-            for drive in drive_explored(name, seed)
-        ]
+        seeds = range(FIRST_SEED + 100, FIRST_SEED + 100 + flats)
+        done = all_on_cores(partial(drive_explored, name), seeds)
+        drives = [drive for drives in done for drive in drives]
         rows.append(_arrivals(name, drives))
     return rows
 
@@ -265,7 +266,8 @@ def _goals_unseen(flats: int, note: Callable[[str], None]) -> list[Row]:
     for name in ROBOTS:
         note(f'explore: {name}, goals while it maps')
         seeds = range(FIRST_SEED + 400, FIRST_SEED + 400 + flats)
-        drives = [drive for seed in seeds for drive in drive_unseen(name, seed)]
+        done = all_on_cores(partial(drive_unseen, name), seeds)
+        drives = [drive for drives in done for drive in drives]
         there = _there(drives)
         fresh = [drive for drive in drives if not drive['known']]
         reached = [drive for drive in fresh if _there([drive])[0]]
@@ -283,7 +285,7 @@ def _goals_unseen(flats: int, note: Callable[[str], None]) -> list[Row]:
                 trials=drives,
             )
         )
-        tries = [drive_shut_off(name, seed) for seed in seeds]
+        tries = all_on_cores(partial(drive_shut_off, name), seeds)
         ended = [trial['outcome'].startswith(_GIVEN_UP) for trial in tries]
         touched = sum(trial['gap'] <= 0.0 for trial in tries)
         rows.append(

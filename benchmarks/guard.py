@@ -7,10 +7,12 @@ guard knows their scans and odometry of their own; what is touched is what MuJoC
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 import math
 import tempfile
 from typing import Any
 
+from cores import all_on_cores
 from goals_physics import PhysicalRobot
 from goals_trials import Course
 from kinematic import KinematicRobot, RATE, ROBOTS
@@ -111,7 +113,7 @@ class Guarded(PhysicalRobot):
         return False
 
 
-def hold_keys(name: str, seed: int, folder: str, guards: bool = True) -> dict[str, Any]:
+def hold_keys(name: str, folder: str, guards: bool, seed: int) -> dict[str, Any]:
     """Hold keys at full speed towards what is around, one after the other."""
     text, boxes = arena(seed, SPACE[name])
     path = f'{folder}/arena_{seed}.xml'
@@ -184,17 +186,18 @@ def drive_freely(name: str, seed: int) -> dict[str, Any]:
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Measure both robots."""
-    tries, flats = (6, 1) if quick else (200, 10)
+    tries = 6 if quick else 200
     rows = []
     for name in ROBOTS:
         note(f'guard: {name}, keys held at full speed')
         with tempfile.TemporaryDirectory() as folder:
             seeds = range(FIRST_SEED, FIRST_SEED + tries)
-            held = [hold_keys(name, seed, folder) for seed in seeds]
-            free = [hold_keys(name, seed, folder, guards=False) for seed in seeds[: tries // 10]]
+            held = all_on_cores(partial(hold_keys, name, folder, True), seeds)
+            free = all_on_cores(partial(hold_keys, name, folder, False), seeds[: tries // 10])
         rows.append(_touches(name, held, free))
         note(f'guard: {name}, drives to goals')
-        rows.append(_slowing(name, [drive_freely(name, FIRST_SEED + i) for i in range(flats)]))
+        flats = range(FIRST_SEED, FIRST_SEED + (1 if quick else 10))
+        rows.append(_slowing(name, all_on_cores(partial(drive_freely, name), flats)))
     return rows
 
 

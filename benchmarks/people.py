@@ -13,6 +13,7 @@ import dataclasses
 import math
 from typing import Any
 
+from cores import all_on_cores
 from explore import NEAR, PATIENCE, Ride, TURNED
 from kinematic import RATE
 import numpy as np
@@ -284,14 +285,19 @@ def is_there(drive: dict[str, Any]) -> bool:
     return 'arrived' in drive['outcome'] and near and drive['touches'] == 0
 
 
+def _drive(seed: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the drives among people in a flat, and those that meet somebody."""
+    ride = known('mbot', seed)
+    crowd = among_people(ride, seed)
+    return crowd, [meet(ride, seed, kind) for kind in ('crossing', 'head-on')]
+
+
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Measure mbot among people."""
-    crowd, meetings = [], []
-    for seed in range(FIRST_SEED, FIRST_SEED + (1 if quick else 20)):
-        note(f'people: mbot, flat {seed}')
-        ride = known('mbot', seed)
-        crowd += among_people(ride, seed)
-        meetings += [meet(ride, seed, kind) for kind in ('crossing', 'head-on')]
+    note('people: mbot')
+    done = all_on_cores(_drive, range(FIRST_SEED, FIRST_SEED + (1 if quick else 20)))
+    crowd = [drive for drives, _ in done for drive in drives]
+    meetings = [meeting for _, met in done for meeting in met]
     there = sum(map(is_there, crowd))
     touched = sum(drive['touches'] > 0 for drive in crowd)
     rows = [

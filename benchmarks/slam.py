@@ -16,6 +16,7 @@ from mujoco_sim.flats import Flat, make_flat
 import numpy as np
 from PIL import Image
 from slam_anchor import map_by_karto, WHY_NOT
+from slam_far import measure_far
 from slam_localise import measure_localising
 from slam_logs import error_of, GO2_LIDAR, Log, make_logs, surface_distance
 from slam_physics import drive_mbot
@@ -325,6 +326,8 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     rows += measure_places(map_once, list(seeds), note)
     rows += measure_localising(len(seeds), note)
     rows += measure_sill(len(seeds), note)
+    note('slam: a long way')
+    rows.append(measure_far(1 if quick else 3))
     note('slam: mbot in physics')
     rows.append(map_real_mbot(FIRST_SEED))
     rows.append(measure_speed(f'flat:{FIRST_SEED}', 1 if quick else 5, note))

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import math
 from typing import Any
 
+from cores import all_on_cores
 from explore import Ride
 from mujoco_sim.flats import Flat, make_flat
 import numpy as np
@@ -164,10 +165,8 @@ def measure_localising(count: int, note: Callable[[str], None]) -> list[Row]:
     """Return a row of each trial, of so many seeds."""
     rows = []
     for what, must, of_20, try_it in TRIALS:
-        done = []
-        for seed in range(FIRST_SEED, FIRST_SEED + count):
-            note(f'slam: localise, {what}: seed {seed}')
-            done.append(try_it(seed))
+        note(f'slam: localise, {what}')
+        done = all_on_cores(try_it, range(FIRST_SEED, FIRST_SEED + count))
         passed, needed = sum(trial['passed'] for trial in done), math.ceil(of_20 * count / 20)
         rows.append(
             Row(

@@ -2,8 +2,10 @@
 """Mapping as users have it: a lidar that is sold, worn tyres, places with little to hold on to."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
+from cores import all_on_cores
 import numpy as np
 from slam_logs import A1, Log, log_way
 from slam_worlds import WORLDS
@@ -23,18 +25,20 @@ def measure_places(
 ) -> list[Row]:
     """Return the rows of each place, which say with what sensor."""
     rows = []
-    for name, (make, drive) in WORLDS.items():
+    for name in WORLDS:
         note(f'slam: {name}, A1')
-        trials = []
-        for seed in seeds:
-            flat = make(seed)
-            way = drive(flat, LENGTH, seed)
-            log = log_way(way, flat.boxes, [ODOMETRY], seed, A1)[ODOMETRY]
-            trial, _ = map_once(log, flat, seed)
-            del trial['costs']
-            trials.append(trial)
-        rows += _rows(name, trials)
+        rows += _rows(name, all_on_cores(partial(_map_place, map_once, name), seeds))
     return rows
+
+
+def _map_place(map_once: MapOnce, name: str, seed: int) -> dict[str, Any]:
+    make, drive = WORLDS[name]
+    flat = make(seed)
+    way = drive(flat, LENGTH, seed)
+    log = log_way(way, flat.boxes, [ODOMETRY], seed, A1)[ODOMETRY]
+    trial, _ = map_once(log, flat, seed)
+    del trial['costs']
+    return trial
 
 
 def _rows(name: str, trials: list[dict[str, Any]]) -> list[Row]:

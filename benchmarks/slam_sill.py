@@ -11,6 +11,7 @@ from pathlib import Path
 import tempfile
 from typing import Any
 
+from cores import all_on_cores
 from kinematic import ROBOTS
 from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
@@ -190,15 +191,22 @@ def go_over_sill(seed: int, world: Path, sill: float, grid: Grid | None = None) 
 
 def measure_sill(count: int, note: Callable[[str], None]) -> list[Row]:
     """Return the rows of so many rooms with a sill."""
-    trials: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    note('slam: sill')
+    rooms = all_on_cores(try_room, range(FIRST_SEED, FIRST_SEED + count))
+    return [_row(what, name, [room[what, name] for room in rooms]) for what, name in rooms[0]]
+
+
+def try_room(seed: int) -> dict[tuple[str, str], dict[str, Any]]:
+    """Try a room with a sill in each way; return the trials by what is tried and in what map."""
     with tempfile.TemporaryDirectory() as folder:
-        for seed in range(FIRST_SEED, FIRST_SEED + count):
-            note(f'slam: sill, seed {seed}')
-            world, sill = write_room(seed, Path(folder))
-            for name, grid in (('mapping', None), ('in its map', map_room(seed, world))):
-                for what, try_it in (('keys', meet_sill), ('goal', go_over_sill)):
-                    trials.setdefault((what, name), []).append(try_it(seed, world, sill, grid))
-    return [_row(what, name, done) for (what, name), done in trials.items()]
+        world, sill = write_room(seed, Path(folder))
+        maps = {'mapping': None, 'in its map': map_room(seed, world)}
+        tries = {'keys': meet_sill, 'goal': go_over_sill}
+        return {
+            (what, name): try_it(seed, world, sill, grid)
+            for name, grid in maps.items()
+            for what, try_it in tries.items()
+        }
 
 
 def _row(what: str, name: str, done: list[dict[str, Any]]) -> Row:
