@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from wasd_navigation.mapping.comers import Comers
 from wasd_navigation.mapping.local_map import count_fitting, Fit, fit_scan, make_local_map
 from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.pose_graph import Solver
@@ -61,6 +62,7 @@ class Mapper:
         self._old = make_local_map(LOCAL_REACH)
         self._drawing = Drawing(self._parameters.resolution)
         self._noise = RangeNoise(self._parameters.range_noise, self._parameters.range_noise_share)
+        self._comers = Comers()
         self.reset()
 
     grows = True  # its map does: what nobody has seen yet may still be
@@ -72,6 +74,7 @@ class Mapper:
         self._tracker.reset()
         self._drawing.clear()
         self._noise.reset()
+        self._comers.reset()
         self.correction = np.zeros(3)
         self.closures = 0
         self._since = np.zeros((3, 3))  # covariance of the pose since the last place
@@ -143,9 +146,13 @@ class Mapper:
         """
         if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
             return
-        surface = find_surface(scan, self._noise.step(scan))
         first = not len(self._places)
         move = self._tracker.move(odometry, covariance)
+        noise, hits = self._noise.step(scan), np.count_nonzero(scan.hits)
+        if not self._misfits:
+            scan = self._comers.leave_out(scan, self.pose, *self._drawing.odds)
+        self._left_in = np.count_nonzero(scan.hits) / max(1, hits)
+        surface = find_surface(scan, noise)
         if first:
             self._tracker.put(odometry, np.zeros((3, 3)))
             self._keep(scan, surface)
@@ -213,7 +220,9 @@ class Mapper:
         before = compose(tracker.pose, inverse(move))
         self._since = add_covariance(self._since, before, move, tracker.move_growth)
         fit = tracker.fit(self._local, surface.points)
-        is_fit = fit.share >= LEAST_SHARE or self._fits_what_is_known(surface, fit)
+        # Who has come fits nothing.
+        share = fit.share * self._left_in
+        is_fit = share >= LEAST_SHARE or self._fits_what_is_known(surface, fit)
         self._misfits = 0 if is_fit or len(surface.points) < FEWEST else self._misfits + 1
         if is_fit:
             self._search = None
@@ -222,7 +231,7 @@ class Mapper:
                 self._since = self._since + tracker.covariance
         else:
             tracker.told = np.zeros((3, 3))
-            self._share = fit.share
+            self._share = share
             if self._misfits > 1:
                 self._seek(scan, surface, move)
 
