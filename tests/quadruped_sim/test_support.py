@@ -74,9 +74,7 @@ def steepest(dog: Go2, seconds: float) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ('test', 'keys'), [('9', 'w*5'), ('9', 'w*8 l*5'), ('8', 'w*5'), ('0', 'w*8 l*5')]
-)
+@pytest.mark.parametrize(('test', 'keys'), [('9', 'w*8 l*5'), ('8', 'w*5'), ('0', 'w*8 l*5')])
 def test_after_a_walk_it_stays_level_with_the_sticks_at_their_ends(test, keys):
     """A small sample of `swing` in benchmarks/legs_states.py."""
     dog = walked(2000, keys)
@@ -89,7 +87,7 @@ def test_after_a_walk_it_stays_level_with_the_sticks_at_their_ends(test, keys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('test', ['9', '8', '0', '3', ''])
+@pytest.mark.parametrize('test', ['9', '8', ''])
 def test_pushes_of_15_newton_seconds_make_it_step_and_go_on(test):
     dog = Go2(seed=2001)
     for key in f'2{test}':
@@ -104,7 +102,7 @@ def test_pushes_of_15_newton_seconds_make_it_step_and_go_on(test):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('test', '0983')
+@pytest.mark.parametrize('test', '09')
 def test_a_test_that_is_asked_for_on_the_ground_begins_once_it_stands(test):
     dog = Go2(seed=2002)
     dog.run(0.5)
@@ -123,8 +121,7 @@ def narrowest(dog: Go2) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('test', '90')
-@pytest.mark.parametrize('ends', ['a*20', 's*20 a*20'])
+@pytest.mark.parametrize(('test', 'ends'), [('9', 'a*20'), ('0', 's*20 a*20')])
 def test_feet_that_stand_close_together_are_put_below_the_hips_first(test, ends):
     dog = Go2(seed=2003)
     for keys, seconds in (('2', 2.5), ('9', 4.0), (ends, 2.5), ('2', 0.02)):
@@ -137,8 +134,7 @@ def test_feet_that_stand_close_together_are_put_below_the_hips_first(test, ends)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('state', ['', '3', '8'])
-@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.parametrize(('state', 'side'), [('', 1.0), ('8', -1.0)])
 def test_key_1_after_a_push_lowers_the_robot_and_does_not_tip_it(state, side):
     dog = Go2(seed=2004)
     for key in f'2{state}':
@@ -153,7 +149,7 @@ def test_key_1_after_a_push_lowers_the_robot_and_does_not_tip_it(state, side):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('keys', ['w*20', 's*20', 'a*20', 'w*15 l*15'])
+@pytest.mark.parametrize('keys', ['s*20', 'w*15 l*15'])
 def test_key_1_at_speed_lowers_the_robot_and_does_not_tip_it(keys):
     dog = Go2(seed=2005)
     for words, seconds in (('2', 2.5), ('4', 0.5), (keys, 3.0), ('1', 0.0)):

@@ -128,6 +128,7 @@ def test_what_is_built_is_ros_own_message_and_is_built_once(prefix, capfd):
 
 
 @can_build
+@pytest.mark.skipif('WASD_TEST_WHEELS' not in os.environ, reason='WASD_TEST_WHEELS=1 asks')
 def test_the_wheel_brings_all_that_a_build_installs(prefix, tmp_path_factory, capfd):
     folder = tmp_path_factory.mktemp('wheel')
     assert build_interfaces.main(['--wheel', str(folder)]) == 0
