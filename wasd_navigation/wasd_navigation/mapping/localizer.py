@@ -22,7 +22,7 @@ MOST, APART, TURNED = 8, 0.4, 0.3
 PRIOR = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.06**2))
 # One is given up when by so much, in sum, less of the scans fits than with the best of them, after
 # what is allowed for each [Page1954]; or when less than this fits at all.
-WORSE, ALLOWED, LEAST = 0.5, 0.02, 0.55
+WORSE, ALLOWED, LEAST = 0.5, 0.05, 0.55
 # Scans that the last one left, or one that was asked for, must have fitted.
 SCANS = 3
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
