@@ -17,7 +17,7 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.records import Grid
 from wasd_navigation.se2 import compose
 
-FIRST_SEED = 9400  # tuned on 9300 to 9319
+FIRST_SEED = 9460  # tuned on 9300 to 9319, 9413 and 9443
 LENGTH = 110.0  # of the way on which a map is made [m]
 PUSH, AFTER, GOAL_NEAR = 0.18, 1.2, 0.10  # [m]
 RIGHT, WRONG = 0.15, 0.5  # from the truth [m]

@@ -229,7 +229,7 @@ def fit_scan(
     for turn in range(rounds):
         if turn == rounds - 1:
             stride = 1
-        inside = _weigh_points(local, surface[::stride], pose, noise, (information, gradient))
+        inside = weigh_points(local, surface[::stride], pose, noise, (information, gradient))
         for i in range(3):
             away[i] = pose[i] - start[i]
         away[2] = (away[2] + math.pi) % (2.0 * math.pi) - math.pi
@@ -311,7 +311,7 @@ def _diagonalise(A: np.ndarray, V: np.ndarray) -> None:
 
 
 @jit
-def _weigh_points(
+def weigh_points(
     local: LocalMap,
     surface: np.ndarray,
     pose: np.ndarray,
@@ -379,7 +379,7 @@ def count_fitting(
     out = np.zeros((3, 3)), np.zeros(3)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for index in range(surface.shape[0]):
-        if _weigh_points(local, surface[index : index + 1], pose, noise, out):
+        if weigh_points(local, surface[index : index + 1], pose, noise, out):
             fits += 1
             continue
         x = pose[0] + cos * surface[index, 0] - sin * surface[index, 1]

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from wasd_navigation.mapping.contradictions import Contradictions
 from wasd_navigation.mapping.grid_surfaces import make_grid_map
 from wasd_navigation.mapping.local_map import Fit, fit_scan
 from wasd_navigation.mapping.search import Found, Pyramid, Search, Window, window_around
@@ -20,9 +21,9 @@ from wasd_navigation.se2 import compose, inverse, invert, wrap
 MOST, APART, TURNED = 8, 0.4, 0.3
 # The pose of one is known so well: standard deviations [m], [rad].
 PRIOR = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.06**2))
-# One is given up when by so much, in sum, less of the scans fits than with the best of them, after
-# what is allowed for each [Page1954]; or when less than this fits at all.
-WORSE, ALLOWED, LEAST = 0.5, 0.05, 0.55
+# One is given up when by so much, in sum, more of the scans is contradicted than with the best of
+# them, after what is allowed for each [Page1954]; or when less than this fits at all.
+WORSE, ALLOWED, LEAST = 0.5, 0.03, 0.55
 # Scans that the last one left, or one that was asked for, must have fitted.
 SCANS = 3
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
@@ -39,13 +40,14 @@ LEAST_REACH, LEAST_TURN, DEVIATIONS = 0.75, 0.8, 2.0
 
 @dataclass
 class Hypothesis:
-    """A pose, the share of the last scan that fits there, and its summed deficit."""
+    """A pose, how much of the last scan fits and is contradicted there, and the sum of that."""
 
     pose: np.ndarray
     share: float
     deficit: float
     information: np.ndarray
     scans: int = 0
+    against: float = 0.0
 
 
 class Hypotheses:
@@ -73,17 +75,17 @@ class Hypotheses:
             each.pose = compose(each.pose, move)
 
     def judge(
-        self, fit: Callable[[np.ndarray, np.ndarray, np.ndarray], Fit], surface: np.ndarray
+        self, fit: Callable[[np.ndarray], Fit], contradicted: Callable[[np.ndarray], float]
     ) -> None:
-        """See how a scan fits at each."""
+        """See how a scan fits at each, and what share of it the map contradicts there."""
         for each in self._all:
-            fitted = fit(surface, each.pose, PRIOR)
+            fitted = fit(each.pose)
             each.pose, each.information = fitted.pose, fitted.information
-            each.share = fitted.share
+            each.share, each.against = fitted.share, contradicted(fitted.pose)
             each.scans += 1
-        most = max((each.share for each in self._all), default=0.0)
+        least = min((each.against for each in self._all), default=0.0)
         for each in self._all:
-            each.deficit = max(0.0, each.deficit + most - each.share - ALLOWED)
+            each.deficit = max(0.0, each.deficit + each.against - least - ALLOWED)
         self._all.sort(key=lambda each: (each.deficit, -each.share))
         kept: list[Hypothesis] = []
         for each in self._all:
@@ -123,6 +125,7 @@ class Localizer:
         self._ranges = RangeNoise(self._parameters.range_noise, self._parameters.range_noise_share)
         # Cells are coarser than ranges.
         self._noise = math.hypot(self._parameters.range_noise, 0.3 * grid.resolution)
+        self._contradictions = Contradictions(grid, self._surfaces, self._noise)
         self._tracker = Tracker(self._noise)
         self.revision = 0
         self.closures = 0
@@ -292,7 +295,10 @@ class Localizer:
             self._hypotheses.take(self._search.found, self._moved)
         else:
             self._hypotheses.move(move)
-        self._hypotheses.judge(self._fit, surface)
+        self._hypotheses.judge(
+            lambda pose: self._fit(surface, pose, PRIOR),
+            lambda pose: self._contradictions.share(surface, scan.origin, pose),
+        )
         best = self._hypotheses.best()
         if best is None:
             # Nothing fits: what was seen may not be in the map, or the window was wrong.

@@ -148,10 +148,10 @@ class Mapper:
             return
         first = not len(self._places)
         move = self._tracker.move(odometry, covariance)
-        noise, hits = self._noise.step(scan), np.count_nonzero(scan.hits)
+        noise, hits = self._noise.step(scan), int(np.count_nonzero(scan.hits))
         if not self._misfits:
             scan = self._comers.leave_out(scan, self.pose, *self._drawing.odds)
-        self._left_in = np.count_nonzero(scan.hits) / max(1, hits)
+        self._left_in = float(np.count_nonzero(scan.hits)) / max(hits, 1)
         surface = find_surface(scan, noise)
         if first:
             self._tracker.put(odometry, np.zeros((3, 3)))
