@@ -95,10 +95,9 @@ class Guarded(PhysicalRobot):
     @property
     def odometry(self) -> Any:
         """What the robot itself believes."""
-        if self._go2 is not None:
-            return self._go2.odometry
-        assert self._mbot is not None
-        return self._mbot._unit.odometry
+        robot = self._go2 or self._mbot
+        assert robot is not None
+        return robot._robot.odometry
 
     @property
     def touched(self) -> bool:

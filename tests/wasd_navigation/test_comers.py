@@ -75,6 +75,6 @@ def test_who_walks_past_is_not_drawn_and_who_stays_is():
     for count in range(20):
         drive.step(0.0, 1.0 + 0.1 * count)
         assert not any(is_drawn(drive.mapper, x) for x in np.arange(1.0, 3.0, 0.1))
-    for _ in range(40):
+    for _ in range(90):
         drive.step(0.0, 3.0)
     assert is_drawn(drive.mapper, 3.0)

@@ -12,9 +12,9 @@ from wasd_navigation.se2 import transform
 
 # Somebody has come where all cells within this distance have been free [m], by such log-odds, of
 # two scans at least. Nearer to a wall what is seen may be the wall, from a pose that is off.
-OPEN, SURELY_FREE = 0.3, -1.0
+OPEN, SURELY_FREE = 0.2, -1.0
 # What was there so many scans ago, this near [m], stays: it is part of the place.
-STAYS, NEAR = 12, 0.08
+STAYS, NEAR = 40, 0.08
 # So many scans of that time are compared.
 COMPARED = 3
 
@@ -43,10 +43,9 @@ class Comers:
         came[len(came) - scan.added :] = False
         before = list(self._seen)[: max(0, len(self._seen) - STAYS)]
         self._seen.append(places[came])
+        came[came] = ~_are_near(places[came], np.concatenate((np.empty((0, 2)), *before)))
         if not came.any():
             return scan
-        if before:
-            came[came] = ~_are_near(places[came], np.concatenate(before))
         left = ~came
         return Scan(scan.origin, scan.ends[left], scan.hits[left], scan.begins[left], scan.added)
 

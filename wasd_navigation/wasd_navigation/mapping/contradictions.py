@@ -51,12 +51,12 @@ def _count(
     from_x = pose[0] + cos * origin[0] - sin * origin[1]
     from_y = pose[1] + sin * origin[0] + cos * origin[1]
     for index in range(surface.shape[0]):
-        if weigh_points(surfaces, surface[index : index + 1], pose, noise, out):
-            continue
         x = pose[0] + cos * surface[index, 0] - sin * surface[index, 1]
         y = pose[1] + sin * surface[index, 0] + cos * surface[index, 1]
-        if _is_free(cells, frame, x, y) or _is_behind_a_wall(cells, frame, from_x, from_y, x, y):
+        if _is_behind_a_wall(cells, frame, from_x, from_y, x, y):
             against += 1
+        elif _is_free(cells, frame, x, y):
+            against += not weigh_points(surfaces, surface[index : index + 1], pose, noise, out)
     return against
 
 

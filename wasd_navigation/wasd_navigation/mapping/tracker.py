@@ -13,7 +13,7 @@ from wasd_navigation.se2 import compose, invert, turn_axes, wrap
 
 ROUNDS = 12
 # How a map of few scans wavers: variances of the pose at each scan [m^2], [rad^2].
-WAVER = np.diag((2e-3**2, 2e-3**2, 1e-3**2))
+WAVER = np.diag((5e-4**2, 5e-4**2, 2.5e-4**2))
 # What a fit tells is believed by this share: its errors are not independent.
 TRUST = 0.1
 # Of what odometry says of its error so much is new at each move; the rest lasts, as that of the
