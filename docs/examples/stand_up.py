@@ -4,9 +4,9 @@
 import contextlib
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -38,6 +38,9 @@ class StandUp(Node):
 
 
 if __name__ == '__main__':
-    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
-        rclpy.init()
-        rclpy.spin(StandUp())
+    # Ctrl-C is Python's: ROS' own would shut down while a message is being answered.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = StandUp()
+    with contextlib.suppress(KeyboardInterrupt):
+        while True:
+            rclpy.spin_once(node, timeout_sec=0.1)
