@@ -277,17 +277,16 @@ def cast_each(poses: np.ndarray, angles: np.ndarray, boxes: np.ndarray, most: fl
     return ranges
 
 
-class Way(NamedTuple):
-    """Poses of a robot at each tick: times (n,) [s], the true ones and odometry's, (n, 3)."""
+class Way:
+    """Poses of a robot, shape (n, 3), at some times, and between them."""
 
-    times: np.ndarray
-    truth: np.ndarray
-    said: np.ndarray
+    def __init__(self, times: np.ndarray, poses: np.ndarray) -> None:
+        self._times = times
+        self._columns = poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2])
 
-    def at(self, poses: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """Return poses, of `truth` or `said`, at some times, shape (m, 3)."""
-        columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
-        return np.stack([np.interp(times, self.times, column) for column in columns], axis=1)
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Return the poses at some times [s], shape (m, 3)."""
+        return np.stack([np.interp(times, self._times, c) for c in self._columns], axis=1)
 
 
 def look(truth: np.ndarray, boxes: np.ndarray, lidar: LidarTag, seed: Sequence[int]) -> np.ndarray:
@@ -321,18 +320,18 @@ def log_way(
     rays = lidar.time_increment * np.arange(lidar.samples)
     begins = np.arange(int((ticks[-1] - rays[-1]) * lidar.rate)) / lidar.rate
     rows = np.round((begins + 0.5 * rays[-1]) / TICK).astype(int)
-    true = Way(ticks, poses, poses)
+    true = Way(ticks, poses)
     ranges = [
-        look(true.at(poses, begin + rays), boxes, lidar, (seed, 3, index))
+        look(true.at(begin + rays), boxes, lidar, (seed, 3, index))
         for index, begin in enumerate(begins.tolist())
     ]
     logs = {}
     for name in odometries:
         said, covariances = err(poses, ODOMETRIES[name], seed)
-        way = Way(ticks, poses, said)
+        way = Way(ticks, said)
         scans = []
         for begin, row, seen in zip(begins.tolist(), rows, ranges, strict=True):
-            moved = moves_between(said[row], way.at(said, begin + rays)) if lidar.turns else None
+            moved = moves_between(said[row], way.at(begin + rays)) if lidar.turns else None
             limits = (lidar.min_range, lidar.max_range)
             scans.append(read_scan(seen, lidar.angles, limits, np.zeros(3), moved))
         logs[name] = Log(ticks[rows], poses[rows], said[rows], covariances[rows], scans)

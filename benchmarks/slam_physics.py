@@ -46,12 +46,12 @@ def drive_mbot(seed: int, length: float) -> Log:
             if ranges is not None:
                 turns.append((begin, tag.err(ranges, random)))
     times, truth, odometry, covariances = (np.array(part) for part in zip(*ticks, strict=True))
-    way_said = Way(times, truth, odometry)
+    way_said = Way(times, odometry)
     rays = tag.time_increment * np.arange(tag.samples)
     scans, rows = [], []
     for begin, ranges in turns:
         row = int(np.argmin(np.abs(times - (begin + 0.5 * rays[-1]))))
-        moved = moves_between(odometry[row], way_said.at(odometry, begin + rays))
+        moved = moves_between(odometry[row], way_said.at(begin + rays))
         limits = (tag.min_range, tag.max_range)
         scans.append(read_scan(ranges, tag.angles, limits, np.zeros(3), moved))
         rows.append(row)
