@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Large buildings: rooms of 5 m with doors, on a known map; how long a step takes there."""
 
+from collections.abc import Sequence
+import itertools
 import math
 import time
 from typing import Any
@@ -10,7 +12,9 @@ import numpy as np
 from table import Row
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.parts import warm_up
+from wasd_navigation.planning.distances import measure_distances
 from wasd_navigation.planning.driver import Driver
+from wasd_navigation.planning.goal_field import flood
 from wasd_navigation.records import FREE, Grid, OCCUPIED
 
 FIRST_SEED = 6000
@@ -21,9 +25,22 @@ LOOKED_AT, BEGUN = 40.0, 0.05
 LONGEST_STEP, SOON = 25.0, 3.0  # [ms], [s]
 
 
-def building(size: float, seed: int) -> np.ndarray:
+def joined_building(size: float, seed: int, reach: float) -> tuple[np.ndarray, Grid]:
+    """Return a building, and its map, with a way for a robot of a reach [m] across it."""
+    corner = 0.5 * (size - ROOM)
+    for attempt in itertools.count():
+        boxes = building(size, (seed, 61, attempt))
+        grid = draw(boxes, size)
+        start, goal = grid.to_cells(np.array(((-corner, -corner), (corner, corner))))
+        distances = measure_distances(grid.cells == OCCUPIED, grid.resolution)
+        if flood(start, distances, reach)[tuple(goal)]:
+            break
+    return boxes, grid
+
+
+def building(size: float, seed: Sequence[int]) -> np.ndarray:
     """Return the walls of a square building around the origin, as boxes (n, 6)."""
-    random = np.random.default_rng((seed, 61))
+    random = np.random.default_rng(seed)
     count = round(size / ROOM)
     boxes = []
     for line in range(count + 1):
@@ -59,9 +76,8 @@ def draw(boxes: np.ndarray, size: float) -> Grid:
 
 def cross(name: str, size: float, seed: int) -> dict[str, Any]:
     """Send a robot across a building; return how long its steps took [ms], when it began [s]."""
-    boxes = building(size, seed)
     robot = ROBOTS[name]
-    grid = draw(boxes, size)
+    boxes, grid = joined_building(size, seed, robot.footprint.inscribed + 0.05)
     start = np.array((-0.5 * size + 0.5 * ROOM, -0.5 * size + 0.5 * ROOM, 0.0))
     moving = KinematicRobot(robot, start, seed)
     driver = Driver(robot.limits, robot.footprint, robot.parameters)
