@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 from table import format_count, Row
 from wasd_bringup.run.guarding import SWAY
+from wasd_core.errors import UserError
 from wasd_core.rotations import Pose
 from wasd_navigation.guard import Guard
 from wasd_navigation.guard_parameters import GuardParameters
@@ -113,7 +114,7 @@ class Guarded(PhysicalRobot):
 
 
 def hold_keys(name: str, folder: str, guards: bool, seed: int) -> dict[str, Any]:
-    """Hold keys at full speed towards what is around, one after the other."""
+    """Hold keys at full speed towards what is around, one after the other; a fall is a touch."""
     text, boxes = arena(seed, SPACE[name])
     path = f'{folder}/arena_{seed}.xml'
     with open(path, 'w', encoding='utf-8') as file:
@@ -125,7 +126,7 @@ def hold_keys(name: str, folder: str, guards: bool, seed: int) -> dict[str, Any]
     for _ in range(10):
         moving.follow(np.zeros(3))
     begin, least, way = moving.time, math.inf, 0.0
-    asked, until = np.zeros(3), 0.0
+    asked, until, has_fallen = np.zeros(3), 0.0, False
     while moving.time - begin < LONGEST:
         if moving.time - begin >= until:
             until += float(random.uniform(*HELD))
@@ -134,10 +135,15 @@ def hold_keys(name: str, folder: str, guards: bool, seed: int) -> dict[str, Any]
                 signs = np.array((1.0, 0.0, 0.0))
             asked = signs * full
         before = moving.pose
-        moving.follow(asked)
+        try:
+            moving.follow(asked)
+        except UserError:  # it has fallen, and follows nothing any more
+            has_fallen = True
+            break
         way += math.dist(before[:2], moving.pose[:2])
         least = min(least, moving.gap(boxes))
-    return {'seed': seed, 'touches': moving.touches, 'gap': least, 'way': way}
+    touches = moving.touches + has_fallen
+    return {'seed': seed, 'touches': touches, 'fell': has_fallen, 'gap': least, 'way': way}
 
 
 class GuardedCourse(Course):
