@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 import math
 from pathlib import Path
 import tempfile
-import time
 from typing import Any
 
 from mujoco_sim.flats import Flat, make_flat
@@ -18,7 +17,7 @@ from PIL import Image
 from slam_anchor import map_by_karto, WHY_NOT
 from slam_far import measure_far
 from slam_localise import measure_localising
-from slam_logs import error_of, GO2_LIDAR, Log, make_logs, surface_distance
+from slam_logs import error_of, GO2_LIDAR, Log, make_logs, surface_distance, take_in
 from slam_physics import drive_mbot
 from slam_places import measure_places
 from slam_sill import measure_sill
@@ -42,13 +41,6 @@ WORDS = {'mbot': "mbot's odometry", 'go2': 'Go2-like (1 %)', 'poor': 'poor (5 %)
 def follow(mapper: Mapper | Localizer, log: Log, rows: range) -> np.ndarray:
     """Take in the scans of a log, and return the CPU time of each [ms]."""
     return np.array([take_in(mapper, log, row) for row in rows])
-
-
-def take_in(mapper: Mapper | Localizer, log: Log, row: int) -> float:
-    """Take in one scan of a log, and return its CPU time [ms]."""
-    begin = time.thread_time()
-    mapper.step(log.scans[row], log.odometry[row], log.covariances[row])
-    return 1e3 * (time.thread_time() - begin)
 
 
 def judge_grid(grid: Grid, flat: Flat) -> tuple[float, float]:

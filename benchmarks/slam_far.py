@@ -3,13 +3,12 @@
 
 import gc
 import sys
-import time
 import types
 from typing import Any
 
 from mujoco_sim.flats import make_flat
 import numpy as np
-from slam_logs import A1, drive, error_of, Log, log_way
+from slam_logs import A1, drive, error_of, Log, log_way, take_in
 from table import Row
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.se2 import compose, inverse
@@ -55,9 +54,7 @@ def map_log(log: Log) -> dict[str, Any]:
     first = int(np.searchsorted(gone, SEEN))
     costs, sizes, within = np.zeros(len(log.scans)), [], []
     for row in range(len(log.scans)):
-        begin = time.thread_time()
-        mapper.step(log.scans[row], log.odometry[row], log.covariances[row])
-        costs[row] = 1e3 * (time.thread_time() - begin)
+        costs[row] = take_in(mapper, log, row)
         place = mapper.reference
         within.append((place, compose(inverse(mapper.places[place]), mapper.pose)))
         if row == first:
@@ -72,7 +69,6 @@ def map_log(log: Log) -> dict[str, Any]:
         'median': float(np.median(costs)),
         'p99': float(np.percentile(costs, 99)),
         'longest': float(costs.max()),
-        'late': float(np.median(costs[len(costs) // 2 :])),
     }
 
 

@@ -9,6 +9,7 @@ rays against the flat's boxes. The same seed gives the same log.
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+import time
 from typing import NamedTuple
 
 from diff_drive_sim.odometry import grow_covariance, Growth, PlanarCovariance
@@ -19,6 +20,8 @@ from mujoco_sim.sensors.table import read_sensor_tags
 from numba import njit
 import numpy as np
 from robot_description.description import load_robot
+from wasd_navigation.mapping.localizer import Localizer
+from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import moves_between
 from wasd_navigation.records import read_scan, Scan
 from wasd_navigation.se2 import compose, inverse
@@ -336,6 +339,13 @@ def log_way(
             scans.append(read_scan(seen, lidar.angles, limits, np.zeros(3), moved))
         logs[name] = Log(ticks[rows], poses[rows], said[rows], covariances[rows], scans)
     return logs
+
+
+def take_in(mapper: Mapper | Localizer, log: Log, row: int) -> float:
+    """Take in one scan of a log, and return its CPU time [ms]."""
+    begin = time.thread_time()
+    mapper.step(log.scans[row], log.odometry[row], log.covariances[row])
+    return 1e3 * (time.thread_time() - begin)
 
 
 def error_of(poses: np.ndarray, truth: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from wasd_core.jit import jit
 from wasd_navigation.mapping.local_map import LocalMap, weigh_points
 from wasd_navigation.records import FREE, Grid, OCCUPIED
 
-# A wall so far before what is seen is looked through [m].
+# What is seen so far behind a wall at least is seen through it [m]: less is noise, or its depth.
 BEFORE = 0.3
 
 
@@ -26,7 +26,7 @@ class Contradictions:
         self._frame = grid.resolution, *grid.origin
 
     def share(self, surface: np.ndarray, origin: np.ndarray, pose: np.ndarray) -> float:
-        """Return the share of a scan's surface, shape (m, 5), seen from an `origin`, at a pose."""
+        """Return that share of a surface, shape (m, 5), seen from an `origin` (2,) at a pose."""
         if not len(surface):
             return 0.0
         against = _count(
@@ -45,6 +45,7 @@ def _count(
     pose: np.ndarray,
     noise: float,
 ) -> int:
+    """Return how many points of a surface are contradicted; `frame` is resolution, low x and y."""
     against = 0
     out = np.zeros((3, 3)), np.zeros(3)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])

@@ -82,6 +82,7 @@ class Mapper:
         self._unsolved = 0
         self._misfits = 0
         self._share = 1.0  # of the last scan that has fitted
+        self._left_in = 1.0  # of the last scan's hits, without those on who has come
         self._search: Search | None = None
         self._recent: list[int] = []  # places that scans are matched against
         self._reference = 0  # the place that the robot is at, or has come from
