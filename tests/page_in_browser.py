@@ -80,10 +80,18 @@ def chromium(width: int, height: int, is_phone: bool = False) -> Any:
     return browser
 
 
-def set_page_size(browser: Any, width: int, height: int, is_phone: bool = False) -> None:
-    """Have a page of so many pixels; of a window's size the browser takes some for itself."""
-    size = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': is_phone}
-    browser.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', size)
+def set_page_size(
+    browser: Any, width: int, height: int, is_phone: bool = False, fineness: int = 1
+) -> None:
+    """
+    Have a page of so many pixels, each of `fineness` squared of the screen's.
+
+    Of a window's size the browser takes some for itself.
+    """
+    screen = {'deviceScaleFactor': fineness, 'mobile': is_phone}
+    browser.execute_cdp_cmd(
+        'Emulation.setDeviceMetricsOverride', {'width': width, 'height': height, **screen}
+    )
 
 
 def screenshot(browser: Any) -> np.ndarray:
