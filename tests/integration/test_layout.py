@@ -270,6 +270,11 @@ def test_what_rosdep_does_not_install_the_documented_pip_line_does():
     same = {name: word for name, word in asked.items() if name in pinned and '=' in word}
     assert same == {name: pinned[name] for name in same}
     assert {'mujoco', 'daqp', 'example-robot-data'} <= set(same)
+    # The page says why of each.
+    page = (ROOT / 'docs/install.md').read_text()
+    (reasons,) = re.findall(r'rosdep has no keys for(.*?)\(`python3-', page, re.DOTALL)
+    packages = {name for name in asked if not name.startswith('-')}
+    assert packages <= set(re.findall(r'[\w-]+', reasons.lower()))
 
 
 def test_all_packages_have_one_version_and_the_installed_one():
