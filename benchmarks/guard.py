@@ -19,7 +19,7 @@ from kinematic import KinematicRobot, RATE, ROBOTS
 import mujoco
 import numpy as np
 from table import format_count, Row
-from wasd_bringup.run.guarding import SWAY
+from wasd_bringup.run.sensing import SWAY
 from wasd_core.errors import UserError
 from wasd_core.rotations import Pose
 from wasd_navigation.guard import Guard

@@ -3,9 +3,13 @@
 
 import numpy as np
 import pytest
+from wasd_bringup.run.guarding import RobotGuard
+from wasd_bringup.run.navigation import _settings
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 from wasd_core.errors import UserError
+from wasd_navigation.parameters import NavigatorParameters
+from wasd_navigation.planning.motion import HARD
 
 pytestmark = pytest.mark.slow
 
@@ -133,3 +137,11 @@ def test_a_robot_without_a_lidar_cannot_be_guarded():
     options = RunOptions(robot='mbot', description='mbot_bare', preset='mbot', guard=True)
     with pytest.raises(UserError, match='--guard: mbot.* has no planar lidar'):
         Run(options)
+
+
+@pytest.mark.parametrize('robot', ['mbot', 'go2'])
+def test_a_way_has_as_much_room_as_the_guard_keeps(begin, robot):
+    guarded = begin(robot, guard=False)
+    kept = RobotGuard(guarded.robot).unit.padding
+    settings = NavigatorParameters().changed(_settings(guarded.robot))
+    assert HARD * settings.planning.margin >= kept - 1e-9

@@ -12,12 +12,10 @@ from wasd_navigation.records import Scan
 from wasd_navigation.senses import Senses
 
 from wasd_bringup.run.robot import Robot
-from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of
+from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of, SWAY
 
 # A command that stays the same is looked at again after so long [s].
 PERIOD = 0.02
-# Room that is kept around who walks [m]: the trunk sways, and feet are put beside their places.
-SWAY = 0.06
 # What it did longer ago says nothing of now [s].
 FRESH = 0.2
 

@@ -17,6 +17,8 @@ from wasd_bringup.run.robot import Robot
 
 # The topic of the lidar that is used where there are several.
 SCAN = 'scan'
+# Room that is kept around who walks [m]: the trunk sways, and feet are put beside their places.
+SWAY = 0.06
 # A robot whose corners stand out no farther than this is called round.
 ROUND = 1.1
 SENSOR_NEEDED = (
