@@ -10,8 +10,10 @@ import pytest
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning import heading_field
 from wasd_navigation.planning.driver import Driver
+from wasd_navigation.planning.heading_field import HeadingField, set_price, spread
 from wasd_navigation.planning.motion import base_of, move
 from wasd_navigation.planning.route import AT_ONCE, SLICE
+from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import Grid, Scan
 
 # Each drives a robot for a while.
@@ -245,17 +247,11 @@ def test_no_step_draws_more_than_a_slice_so_that_whoever_presses_a_key_need_not_
 ) -> None:
     counts: list[int] = []
 
-    def count(name: str, work: Callable[..., int]) -> None:
-        kernel = getattr(heading_field, name)
+    def counting(lattice: Any, budget: int) -> bool:
+        counts.append(budget)
+        return spread(lattice, budget)
 
-        def counting(*args: Any) -> Any:
-            counts.append(work(*args))
-            return kernel(*args)
-
-        monkeypatch.setattr(heading_field, name, counting)
-
-    count('set_prices', lambda *args: heading_field._PRICED * (args[-1][1] - args[-1][0]))
-    count('spread', lambda _, budget: budget)
+    monkeypatch.setattr(heading_field, 'spread', counting)
     robot = legs(room((2.9, 0.0, 3.05, 2.4)), (1.0, 1.0, 0.0))
     robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
     robot.run(DT)
@@ -268,6 +264,21 @@ def test_no_step_draws_more_than_a_slice_so_that_whoever_presses_a_key_need_not_
         counts.clear()
     assert robot.driver.state == 'driving'
     assert robot.state[0] > 1.3
+
+
+def test_in_a_gap_where_prices_take_long_a_slice_comes_less_far() -> None:
+    # A corridor of 0.45 m, in which each place stands for a pose that is looked for.
+    grid = room((0.0, 0.0, 6.0, 1.75), (0.0, 2.2, 6.0, 4.0))
+    around, base = Surroundings(LONG, LEG_PLANNING), base_of(LEGS)
+    around.take_map(grid, 0, np.zeros(2))
+    goal, margins = np.array((3.0, 1.975, 0.0)), (0.03, 0.04)
+    field = HeadingField(goal, around, LONG.circles, base, margins)
+    lattice, budget = field._lattice, 500
+    assert not spread(lattice, budget)
+    priced = np.argwhere(~np.isnan(lattice.price[0]))
+    prices = [set_price(lattice, row, column) for row, column in priced]
+    # The last state that is looked at may be beside places without prices.
+    assert sum(prices) <= budget + len(lattice.moves) * max(prices)
 
 
 def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way(

@@ -34,8 +34,8 @@ _BEYOND = 10.0
 # A way is good when all is known that is nearer to the goal than what is left from the robot and
 # this [m]: it may go around. What is farther is drawn while it drives.
 _AROUND = 1.5
-# A place's prices take as long as so many states.
-_PRICED = 4
+# A place's prices take as long as so many states; so do so many looks at the room near a pose.
+_PRICED, _LOOKS = 4, 3
 # A way has no more points than this, and so often each is moved to the mean of its neighbours.
 _MOST_POINTS, _SMOOTHINGS = 4000, 3
 
@@ -56,17 +56,54 @@ class Taste(NamedTuple):
 EASY, SHORT = Taste(1.0, 0.35, False), Taste(0.5, 0.05, True)
 
 
+class Prices(NamedTuple):
+    """The price of a place: the wanted clearance, and the cost of less."""
+
+    least: float  # what every pose must have [m]
+    margin: float  # [m]
+    comfort: float  # [m]
+    lack: float  # what a metre costs more without any comfort
+    unseen: float  # what one costs more where nobody can say what is there
+
+
+class Covers(NamedTuple):
+    """
+    The circles of a footprint at each heading of the first half turn, in a grid's cells.
+
+    `cells`, shape (headings / 2, n, 2): rows and columns from the footprint's middle to the lowest
+    of the four cells around a circle's middle; `shares`, shape (headings / 2, n, 4): what each of
+    them counts there, by rows; `radii`, shape (n,) [m]; `reach`: from the footprint's middle to
+    the end of the farthest circle [m]; and what they were made from.
+    """
+
+    cells: np.ndarray
+    shares: np.ndarray
+    radii: np.ndarray
+    reach: float
+    circles: np.ndarray
+    resolution: float
+
+
+class Terrain(NamedTuple):
+    """What prices come from: `distances` [m] of all cells, `is_unseen`, bool, of the places."""
+
+    distances: np.ndarray
+    is_unseen: np.ndarray
+    covers: Covers
+    prices: Prices
+
+
 class Lattice(NamedTuple):
     """
     Places and headings with their values.
 
     `values` and `price`, shape (headings, rows, columns), float32: what is left [m of free way],
-    and what a metre costs; infinite where nobody can be, negative where nobody may be, but from
-    which one finds out, at so much: no way leads through. `escapes`, uint8, the same shape: steps
-    that lead out from there. `shifts`, int8, shape (headings / 2, rows, columns, 2): how far to
-    the left of the place and of the heading the pose is that it stands for, in _SHIFTS. `moves`,
-    shape (m, 3): change of heading, row, column. `costs`, shape (headings, m): what each costs at
-    a price of 1.
+    and what a metre costs; NaN until somebody comes there, infinite where nobody can be, negative
+    where nobody may be, but from which one finds out, at so much: no way leads through. `escapes`,
+    uint8, the same shape: steps that lead out from there. `shifts`, int8, shape (headings / 2,
+    rows, columns, 2): how far to the left of the place and of the heading the pose is that it
+    stands for, in _SHIFTS. `moves`, shape (m, 3): change of heading, row, column. `costs`, shape
+    (headings, m): what each costs at a price of 1.
     """
 
     values: np.ndarray
@@ -76,16 +113,7 @@ class Lattice(NamedTuple):
     moves: np.ndarray
     costs: np.ndarray
     heap: Heap
-
-
-class Prices(NamedTuple):
-    """The price of a place: the wanted clearance, and the cost of less."""
-
-    least: float  # what every pose must have [m]
-    margin: float  # [m]
-    comfort: float  # [m]
-    lack: float  # what a metre costs more without any comfort
-    unseen: float  # what one costs more where nobody can say what is there
+    terrain: Terrain
 
 
 def make_moves(base: Base, length: float, taste: Taste) -> tuple[np.ndarray, np.ndarray]:
@@ -111,24 +139,6 @@ def _dearness(base: Base, bearings: np.ndarray) -> np.ndarray:
     return np.asarray(base.most[0] * np.hypot(ahead / full, side / base.most[1]))
 
 
-class Covers(NamedTuple):
-    """
-    The circles of a footprint at each heading of the first half turn, in a grid's cells.
-
-    `cells`, shape (headings / 2, n, 2): rows and columns from the footprint's middle to the lowest
-    of the four cells around a circle's middle; `shares`, shape (headings / 2, n, 4): what each of
-    them counts there, by rows; `radii`, shape (n,) [m]; `reach`: from the footprint's middle to
-    the end of the farthest circle [m]; and what they were made from.
-    """
-
-    cells: np.ndarray
-    shares: np.ndarray
-    radii: np.ndarray
-    reach: float
-    circles: np.ndarray
-    resolution: float
-
-
 def cover(circles: np.ndarray, resolution: float) -> Covers:
     """Return circles (x, y, radius) [m]; the other way round a footprint covers the same."""
     angles = 2.0 * math.pi / HEADINGS * np.arange(HEADINGS // 2)[:, None]
@@ -147,43 +157,34 @@ def cover(circles: np.ndarray, resolution: float) -> Covers:
 
 
 @jit
-def set_prices(
-    lattice: Lattice,
-    distances: np.ndarray,
-    is_unseen: np.ndarray,
-    covers: Covers,
-    prices: Prices,
-    places: tuple[int, int],
-) -> None:
-    """
-    Give places, from one number to before another, their prices; their values are infinite then.
-
-    `distances` [m] are of all cells, `is_unseen`, shape (rows, columns), of the places.
-    """
-    columns = lattice.price.shape[2]
+def set_price(lattice: Lattice, row: int, column: int) -> int:
+    """Give a place its prices; return how many states could be looked at meanwhile."""
+    distances, is_unseen, covers, prices = lattice.terrain
+    cell = COARSE * row, COARSE * column
     enough = prices.margin + prices.comfort + covers.reach
+    more = prices.unseen * is_unseen[row, column]
+    is_free = distances[cell] >= enough
+    # No pose near the place has so much more room than it.
+    most = _MOST_SHIFT * (_SHIFTS[0] + _SHIFTS[1] * covers.reach)
     shift = np.zeros(2, np.int64)
-    for place in range(places[0], places[1]):
-        row, column = place // columns, place % columns
-        more = prices.unseen * is_unseen[row, column]
-        is_free = distances[COARSE * row, COARSE * column] >= enough
-        for heading in range(HEADINGS // 2):
-            price = 1.0
-            if not is_free:
-                room = _room(distances, covers, (COARSE * row, COARSE * column), heading)
-                if -_DEEPEST < room < prices.least:
-                    cell = (COARSE * row, COARSE * column)
-                    room = _shift_in_gap(distances, covers, cell, heading, prices.least, shift)
-                    lattice.shifts[heading, row, column, 0] = shift[0]
-                    lattice.shifts[heading, row, column, 1] = shift[1]
-                lack = min(max(1.0 - (room - prices.margin) / prices.comfort, 0.0), 1.0)
-                price += prices.lack * lack * lack
-                if room < prices.least:
-                    price = -_ESCAPE_PRICE if room > -_DEEPEST else math.inf
-            price += more if price > 0.0 else 0.0
-            for at in (heading, heading + HEADINGS // 2):
-                lattice.price[at, row, column] = price
-                lattice.values[at, row, column] = math.inf
+    looks = 0
+    for heading in range(HEADINGS // 2):
+        price = 1.0
+        if not is_free:
+            room = _room(distances, covers, cell, heading)
+            if max(-_DEEPEST, prices.least - most) < room < prices.least:
+                room, looked = _shift_in_gap(distances, covers, cell, heading, prices.least, shift)
+                looks += looked
+                lattice.shifts[heading, row, column, 0] = shift[0]
+                lattice.shifts[heading, row, column, 1] = shift[1]
+            lack = min(max(1.0 - (room - prices.margin) / prices.comfort, 0.0), 1.0)
+            price += prices.lack * lack * lack
+            if room < prices.least:
+                price = -_ESCAPE_PRICE if room > -_DEEPEST else math.inf
+        price += more if price > 0.0 else 0.0
+        for at in (heading, heading + HEADINGS // 2):
+            lattice.price[at, row, column] = price
+    return _PRICED + looks // _LOOKS
 
 
 @jit
@@ -210,17 +211,19 @@ def _shift_in_gap(
     heading: int,
     least: float,
     shift: np.ndarray,
-) -> float:
+) -> tuple[float, int]:
     """
-    Return the most room [m] of a pose near a place, and write its `shift` to the left and turn.
+    Return the most room [m] of a pose near a place, and how often it has looked for it.
 
-    Only in a gap: where there is room beside it, the place there will do.
+    It writes the pose's `shift` to the left and turn. Only in a gap: where there is room beside
+    it, the place there will do.
     """
     shift[0] = shift[1] = 0
+    looks = 3
     best = _room_near(distances, covers, cell, heading, 0, 0)
     for side in (-2 * _MOST_SHIFT, 2 * _MOST_SHIFT):
         if _room_near(distances, covers, cell, heading, side, 0) >= least:
-            return best
+            return best, looks
     step = _MOST_SHIFT
     while step > 0:
         is_better = True
@@ -232,11 +235,12 @@ def _shift_in_gap(
                 if max(abs(left), abs(turn)) > _MOST_SHIFT:
                     continue
                 room = _room_near(distances, covers, cell, heading, left, turn)
+                looks += 1
                 if room > best + 1e-6:
                     best, is_better = room, True
                     shift[0], shift[1] = left, turn
         step //= 2
-    return best
+    return best, looks
 
 
 @jit
@@ -288,35 +292,34 @@ class HeadingField:
         border: np.ndarray | None = None,
     ) -> None:
         self._border = None if border is None else border[::COARSE, ::COARSE]
-        # What is around may be another by the time that all is drawn.
-        self._distances = around.distances.values[0]
-        self._is_unseen = around.is_unseen[::COARSE, ::COARSE]
+        is_unseen = around.is_unseen[::COARSE, ::COARSE]
         comfort, lack, unseen = around.prices
-        self._prices = Prices(*margins, taste.comfort * comfort, lack, unseen)
-        self._covers = cover(circles, around.distances.resolution)
-        shape = (HEADINGS, *self._is_unseen.shape)
-        values, price = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        terrain = Terrain(
+            around.distances.values[0],  # what is around may be another by the time all is drawn
+            is_unseen,
+            cover(circles, around.distances.resolution),
+            Prices(*margins, taste.comfort * comfort, lack, unseen),
+        )
+        shape = (HEADINGS, *is_unseen.shape)
+        values, price = (np.full(shape, fill, np.float32) for fill in (np.inf, np.nan))
         self.values = around.field_of(values, COARSE)
         moves, costs = make_moves(base, self.values.resolution, taste)
         escapes = np.zeros(shape, np.uint8)
         shifts = np.zeros((HEADINGS // 2, *shape[1:], 2), np.int8)
         heap = make_heap(8 * price.size)
-        self._lattice = Lattice(values, price, escapes, shifts, moves, costs, heap)
-        self._goal, self._turning = goal, _turn_price(base, taste)
-        self._priced = 0  # places
+        self._lattice = Lattice(values, price, escapes, shifts, moves, costs, heap, terrain)
         self.is_done = False
         self.beyond = 0.0
+        self._goal = goal
+        _begin(self._lattice, goal, self.values, _turn_price(base, taste))
+        if border is not None:
+            _begin_along(self._lattice, np.ascontiguousarray(border[::COARSE, ::COARSE]))
 
     def work(self, pose: np.ndarray, budget: int) -> bool:
-        """
-        Look at up to so many states; return whether the way from a pose is among them.
-
-        To give a place its prices takes as long as to look at some, and counts as these.
-        """
+        """Look at up to so many states; return whether the way from a pose is among them."""
         if self.is_done:
             return True
-        budget -= self._set_prices(budget)
-        if self._priced < self._is_unseen.size or budget <= 0:
+        if budget <= 0:
             return False
         heap = self._lattice.heap
         self.is_done = spread(self._lattice, budget)
@@ -327,19 +330,6 @@ class HeadingField:
         self.beyond = show(self._lattice.values, shown)
         self.values = self.values._replace(values=shown)
         return True
-
-    def _set_prices(self, most: int) -> int:
-        """Give places their prices, after the last the goal its value; return what that costs."""
-        places = (self._priced, min(self._priced + most // _PRICED, self._is_unseen.size))
-        if places[0] < places[1]:
-            around = (self._distances, self._is_unseen, self._covers)
-            set_prices(self._lattice, *around, self._prices, places)
-            self._priced = places[1]
-            if self._priced == self._is_unseen.size:
-                _begin(self._lattice, self._goal, self.values, self._turning)
-                if self._border is not None:
-                    _begin_along(self._lattice, np.ascontiguousarray(self._border))
-        return _PRICED * (places[1] - places[0])
 
     def _nearest(self, pose: np.ndarray) -> tuple[int, int, int]:
         """Return the state with the least value around a pose: heading, row, column."""
@@ -408,6 +398,8 @@ def _begin(lattice: Lattice, goal: np.ndarray, places: Field, turning: float) ->
                 at = (math.floor(heading) + around) % headings
                 if not (0 <= at_row < rows and 0 <= at_column < columns):
                     continue
+                if math.isnan(lattice.price[at, at_row, at_column]):
+                    set_price(lattice, at_row, at_column)
                 if not 0.0 < lattice.price[at, at_row, at_column] < math.inf:
                     continue
                 off = abs(math.floor(heading) + around - heading) * 2.0 * math.pi / headings
@@ -425,6 +417,7 @@ def _begin_along(lattice: Lattice, border: np.ndarray) -> None:
         for column in range(columns):
             if not border[row, column] < math.inf:
                 continue
+            set_price(lattice, row, column)
             for heading in range(headings):
                 price = lattice.price[heading, row, column]
                 is_less = border[row, column] < lattice.values[heading, row, column]
@@ -436,11 +429,15 @@ def _begin_along(lattice: Lattice, border: np.ndarray) -> None:
 
 @jit
 def spread(lattice: Lattice, budget: int) -> bool:
-    """Look at up to so many states, nearest first; return whether all are done."""
+    """
+    Look at up to so many states, nearest first; return whether all are done.
+
+    Places that it comes to get their prices, which count as the states that they take as long as.
+    """
     values, price, moves, costs = lattice.values, lattice.price, lattice.moves, lattice.costs
     _, rows, columns = values.shape
     while lattice.heap.held[0] > 0:
-        if budget == 0:
+        if budget <= 0:
             return False
         value, item = pop(lattice.heap)
         column = item % columns
@@ -455,9 +452,13 @@ def spread(lattice: Lattice, budget: int) -> bool:
             if not (0 <= at_row < rows and 0 <= at_column < columns):
                 continue
             at = (heading + moves[move, 0]) & (HEADINGS - 1)
-            there = price[at, at_row, at_column]
             # Most of what is around is nearer to the goal, or an obstacle.
-            if values[at, at_row, at_column] <= value or there == math.inf or here < 0.0 < there:
+            if values[at, at_row, at_column] <= value:
+                continue
+            if math.isnan(price[at, at_row, at_column]):
+                budget -= set_price(lattice, at_row, at_column)
+            there = price[at, at_row, at_column]
+            if there == math.inf or here < 0.0 < there:
                 continue
             out = lattice.escapes[heading, row, column] + 1 if there < 0.0 else 0
             if out > _MOST_ESCAPES:
