@@ -5,8 +5,8 @@ import socket
 
 from mujoco.studio import web_viewer
 from mujoco_sim.viewer import studio
-from mujoco_sim.viewer.studio import HOST
 import pytest
+from wasd_core.network import LOOPBACK
 
 
 class Ui:
@@ -26,7 +26,7 @@ def bound(port=0):
     """Return a socket on a port that another may be bound to as long as nobody listens."""
     sock = socket.socket()
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    sock.bind((HOST, port))
+    sock.bind((LOOPBACK, port))
     return sock
 
 
@@ -64,4 +64,4 @@ def test_a_port_that_another_run_was_faster_to_listen_on(viewer, is_asked):
         else:
             begins._start_server()
             assert begins._http_port not in (0, port)
-            assert begins._http_sock.getsockname() == (HOST, begins._http_port)
+            assert begins._http_sock.getsockname() == (LOOPBACK, begins._http_port)

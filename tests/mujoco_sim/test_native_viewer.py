@@ -4,7 +4,7 @@ from wasd_core.errors import SimulationError
 
 
 def test_a_window_without_a_display_is_one_line(world, monkeypatch):
-    from mujoco_sim.viewer.page import CameraView
+    from mujoco_sim.viewer.camera import CameraView
     from mujoco_sim.viewer.views import NativeView
 
     monkeypatch.delenv('DISPLAY', raising=False)

@@ -25,7 +25,7 @@ CART = """
 """
 PACKAGE = """
 import numpy as np
-from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.camera import CameraView
 from teleop_keyboard.dashboard import Status
 from wasd_bringup.run.report import Sample
 from wasd_bringup.run.robot import Robot

@@ -134,7 +134,7 @@ class Robot:
         Raises:
             SimulationError: there is no display.
         """
-        from mujoco_sim.viewer.page import CameraView
+        from mujoco_sim.viewer.camera import CameraView
         from mujoco_sim.viewer.views import NativeView
 
         self._window = NativeView(self._world, CameraView(self._distance, AZIMUTH, ELEVATION))

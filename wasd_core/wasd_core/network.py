@@ -22,6 +22,8 @@ from typing import NamedTuple, Self
 
 from wasd_core.errors import UserError
 
+# Of this machine, reached from no other.
+LOOPBACK = '127.0.0.1'
 FAST_DDS = 'rmw_fastrtps'
 MIDDLEWARE = 'RMW_IMPLEMENTATION'
 # Where ament registers each, in a prefix.

@@ -7,17 +7,19 @@ import functools
 import logging
 import threading
 import time
-from typing import Any, cast, NamedTuple, TypeVar
+from typing import Any, cast, TypeVar
 
 import mujoco
 from mujoco.studio import endpoints, launch_thread, messages, plugin, viewer_protocol
 import numpy as np
 from wasd_core.errors import one_line, SimulationError
+from wasd_core.network import LOOPBACK
 
+from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.viewer.drawing import Pace, PageContent, Panels, PictureDetail
 from mujoco_sim.viewer.input import PageInput
 from mujoco_sim.viewer.server import use_page_server
-from mujoco_sim.viewer.studio import drop_viewer_events, HOST, LocalWebViewer, port_of
+from mujoco_sim.viewer.studio import drop_viewer_events, LocalWebViewer, port_of
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
@@ -30,14 +32,6 @@ Method = TypeVar('Method', bound=Callable[..., Any])
 def handler(method: Method, priority: int = messages.Priority.USER) -> Method:
     """Register a method for messages of its parameter's type, in order of priority."""
     return cast(Method, messages.handler(method, priority=priority))
-
-
-class CameraView(NamedTuple):
-    """A camera that follows a body: distance [m], angles [degrees] as MuJoCo has them."""
-
-    distance: float
-    azimuth: float
-    elevation: float
 
 
 class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
@@ -145,7 +139,7 @@ class WebView:
     @property
     def url(self) -> str:
         """Where the page is."""
-        return f'http://{HOST}:{self._page.port}/'
+        return f'http://{LOOPBACK}:{self._page.port}/'
 
     @property
     def period(self) -> float:

@@ -10,12 +10,13 @@ import struct
 from typing import Any, cast, NamedTuple
 
 from mujoco.studio.web.web_server import Headers, Request, Response, serve, ServerConnection
+from wasd_core.network import LOOPBACK
 
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.studio import HOST, patch_server, session_of, SILENT_CONTROLLER
+from mujoco_sim.viewer.studio import patch_server, session_of, SILENT_CONTROLLER
 
-NAMES = (HOST, 'localhost')
+NAMES = (LOOPBACK, 'localhost')
 # A client has so long for its request [s] ...
 HEADER_TIMEOUT = 5.0
 # ... and so long to take the answer, which is megabytes for some: a page over a slow tunnel [s].

@@ -9,10 +9,10 @@ from typing import Any
 
 from mujoco.studio import endpoints, messages, viewer_protocol, web_viewer
 from mujoco.studio.web import web_server
+from wasd_core.network import LOOPBACK
 
 from mujoco_sim.viewer.drawing import PacedUi
 
-HOST = '127.0.0.1'
 # Somebody who waits for control gets it from a page that is silent for so long [s]; who just
 # comes, from one that has said nothing in the same time.
 SILENT_CONTROLLER = 5.0
@@ -65,7 +65,7 @@ class LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has 
     _http_sock: socket.socket
     _http_port: int
     # The base class sets '::' before it binds; a constant in its place keeps the page private.
-    _host = property(lambda self: HOST, lambda self, _: None)
+    _host = property(lambda self: LOOPBACK, lambda self, _: None)
 
     def __init__(
         self,
@@ -103,7 +103,7 @@ class LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has 
                 if self._asked_port:
                     raise
                 self._http_sock.close()
-                self._http_sock = web_server.bind_public_socket(HOST, 0)
+                self._http_sock = web_server.bind_public_socket(LOOPBACK, 0)
                 self._http_port = self._http_sock.getsockname()[1]
             else:
                 return

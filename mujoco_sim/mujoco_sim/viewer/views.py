@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 from wasd_core.errors import SimulationError
 
+from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.viewer.drawing import PageContent
 from mujoco_sim.viewer.input import LOST
-from mujoco_sim.viewer.page import CameraView, WebView
 from mujoco_sim.world import World
 
 # Between two pictures [s].
@@ -121,5 +121,8 @@ def start_view(
     """
     if kind == 'native':
         return NativeView(world, camera), 'a window on this display'
+    # Here, because it loads a server that a run without a page does not need.
+    from mujoco_sim.viewer.page import WebView
+
     web = WebView(world, camera, content, port=port)
     return web, web.url

@@ -15,8 +15,8 @@ import sys
 from typing import NoReturn
 
 from mujoco_sim.scene import WORLDS as PLAIN
-from mujoco_sim.viewer.studio import HOST
 from wasd_cockpit.link import Start
+from wasd_core.network import LOOPBACK
 
 from wasd_bringup.cli.parsers import called
 from wasd_bringup.robots import BOTH, ROBOTS
@@ -118,7 +118,7 @@ def _is_free(port: int) -> bool:
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((HOST, port))
+            probe.bind((LOOPBACK, port))
         except OSError:
             return False
     return True

@@ -16,11 +16,12 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line, UserError
 from wasd_core.extras import import_extra
+from wasd_core.network import LOOPBACK
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
-from wasd_bringup.ros.foxglove_gate import Gate, HOST, secret_host
+from wasd_bringup.ros.foxglove_gate import Gate, secret_host
 from wasd_bringup.ros.foxglove_inbox import Decode, Inbox, Sender, Target, Velocity
 from wasd_bringup.tools.graph import find_type
 from wasd_bringup.tools.messages import fill, type_name
@@ -149,7 +150,8 @@ class FoxgloveServer:
         except OSError as error:
             self._server.stop()
             reason = os.strerror(error.errno or 0).lower()
-            raise UserError(f'--foxglove: port {port} of {HOST}: {reason}; give another') from None
+            taken = f'--foxglove: port {port} of {LOOPBACK}: {reason}; give another'
+            raise UserError(taken) from None
         self._tap = PublisherTap(self._hear, self._wants)
 
     @property
@@ -236,7 +238,7 @@ class FoxgloveDriver:
     @property
     def first_line(self) -> str:
         """Where it is."""
-        return f'foxglove: ws://{HOST}:{self._server.port}'
+        return f'foxglove: ws://{LOOPBACK}:{self._server.port}'
 
     def look(self) -> None:
         """Take what clients have sent, and offer them what is new."""

@@ -13,7 +13,8 @@ import secrets
 import socket
 import threading
 
-HOST = '127.0.0.1'
+from wasd_core.network import LOOPBACK
+
 # Pages that may drive: of this machine, of Foxglove, and its application (a page without a host).
 _HERE = r'(?:localhost|127\.0\.0\.1)(?::\d{1,5})?'
 HOSTS = re.compile(_HERE, re.IGNORECASE)
@@ -41,7 +42,7 @@ class Gate:
         Raises:
             OSError: the port is taken.
         """
-        self._listener = socket.create_server((HOST, port), backlog=MOST_CLIENTS)
+        self._listener = socket.create_server((LOOPBACK, port), backlog=MOST_CLIENTS)
         self.port: int = self._listener.getsockname()[1]
         self._inner, self._say = inner, say
         self._open: set[socket.socket] = set()

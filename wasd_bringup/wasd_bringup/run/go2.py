@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from mujoco_sim.sensors.heights import true_heights
 from mujoco_sim.simulation import Simulation
-from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import World
 import numpy as np
 from quadruped_sim.controller_file import read_leg_file

@@ -10,7 +10,7 @@ from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.simulation import Simulation
-from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import place_robot, PlanarPose, World
 import numpy as np
 from robot_description.description import Description

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from mujoco_sim.parameters import SHOWN_RATE, SimulatorParameters
 from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.simulation import Schedule, Simulation, TickStatistics
-from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import World
 import numpy as np
 from robot_description.description import Description

@@ -11,8 +11,8 @@ import sys
 import time
 from typing import Any
 
+from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.viewer.drawing import Panel
-from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.viewer.views import start_view, View
 from mujoco_sim.world import pose_base, pose_joints, update_bodies, World
 from nav_msgs.msg import Odometry
