@@ -85,6 +85,7 @@ SERVICES = {
     'simulator ~/pause': 'stop physics and /clock, or continue',
     'simulator ~/step': 'one physics step while paused',
     'leg_controller ~/e_stop': 'make the legs passive at once',
+    'policy_player ~/e_stop': 'make the joints passive at once',
     'drivers ~/e_stop': 'stop every robot of the run; with `--latched` until it is released',
     'drivers ~/release_e_stop': 'release a latched stop',
     'navigator ~/explore': 'map all that the robot can reach, then return to the start',

@@ -77,8 +77,8 @@ class JointController:
                 )
         if any(term.name == 'linear_velocity' for term in player.spec.terms):
             raise PolicyError(
-                'policy: observation linear_velocity: on two legs nothing here estimates it, '
-                'take a network without'
+                'policy: observation linear_velocity: nothing here estimates it, take a network '
+                'without (on four legs the leg controller does, by its parameter policy)'
             )
         return np.array([self.joints.index(name) for name in player.joints])
 

@@ -39,6 +39,7 @@ EXECUTABLES = {
     'mujoco_sim': {'simulator'},
     'diff_drive_sim': {'diff_drive_controller'},
     'quadruped_sim': {'leg_controller'},
+    'policy_player': {'policy_player'},
     'unitree_bridge': {'unitree_bridge'},
     'wasd_navigation': {'guard', 'navigator'},
     'wasd_bringup': {'wasd'},

@@ -3,7 +3,7 @@
 
 import numpy as np
 from policy_files import constant, layers, mjlab, onnx
-from policy_player.humanoids import G1_JOINTS, g1_stand
+from policy_player.stands import G1_JOINTS, g1_stand
 import pytest
 import wasd
 from wasd_bringup.page.bridge import CockpitBridge

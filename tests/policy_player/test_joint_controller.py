@@ -4,7 +4,6 @@
 from dataclasses import replace
 
 import numpy as np
-from policy_player.humanoids import G1_JOINTS, g1_stand
 from policy_player.joint_controller import (
     FALL_TILT,
     JointController,
@@ -16,6 +15,7 @@ from policy_player.joint_controller import (
 from policy_player.player import Player
 from policy_player.policy_file import Policy
 from policy_player.spec import PolicyError, PolicySpec, Term
+from policy_player.stands import G1_JOINTS, g1_stand
 import pytest
 from wasd_core.robot_io import ImuReading, JointStates, Reading
 

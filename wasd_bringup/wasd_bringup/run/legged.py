@@ -3,19 +3,16 @@
 
 from mujoco_sim.hoist import Hoist
 from mujoco_sim.simulation import Simulation
-from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import World
-import numpy as np
-from policy_player.humanoids import g1_stand, is_g1
 from policy_player.joint_controller import JointController, State, STATE_KEYS
-from policy_player.player import Player
-from robot_description.description import Description, OTHER
+from policy_player.stands import g1_stand, is_g1, stand_of
+from robot_description.description import Description
 from robot_description.robot import Robot as RobotTree
 from teleop_keyboard.dashboard import Axis, driving_keys, Status
 from teleop_keyboard.keymap import on_layout, on_qwerty
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from wasd_core.errors import UserError
-from wasd_core.robot_io import JointStates, JointTargets, LEG_RATE, Reading
+from wasd_core.robot_io import JointStates, LEG_RATE, Reading
 from wasd_core.timing import is_press, Notice, STOP_KEY
 
 from wasd_bringup.run.options import RunOptions
@@ -185,30 +182,3 @@ def standing_pose(robot: RobotTree) -> dict[str, float]:
     if is_g1(names):
         return dict(zip(names, g1_stand(names).position.tolist(), strict=True))
     return {joint.name: joint.rest for joint in joints}
-
-
-def stand_of(loaded: Description, joints: tuple[str, ...], player: Player | None) -> JointTargets:
-    """
-    Return the stand's joint angles, in the order of its joints: of a G1, or of its policy.
-
-    Raises:
-        UserError: neither is so; says what the robot is, and what to do with it.
-    """
-    if is_g1(joints):
-        return g1_stand(joints)
-    what, cure = loaded.nature
-    if player is None or loaded.kind != OTHER:
-        raise UserError(
-            f'{loaded.path}: how {loaded.robot.name!r} stands is not known'
-            f'{f": it is {what}: {cure}" if what else "; give --policy FILE"}'
-        )
-    missing = [name for name in joints if name not in player.joints]
-    if missing:
-        raise UserError(
-            f'policy: {len(missing)} joints of {loaded.robot.name!r} are none of it, '
-            f'{missing[0]} among them'
-        )
-    order = [player.joints.index(name) for name in joints]
-    spec = player.spec
-    parts = (spec.default_position, spec.stiffness, spec.damping)
-    return JointTargets(*(np.array(part)[order] for part in parts))

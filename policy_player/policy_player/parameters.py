@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of the policy player, and the program."""
+
+from dataclasses import dataclass
+
+from wasd_core.command_line import Executable
+from wasd_core.parameters import parameter, Parameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyNodeParameters(Parameters):
+    """Which robot, and by which network it walks."""
+
+    description: str = parameter(
+        'g1', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
+    )
+    policy: str = parameter(
+        '',
+        doc="Network that walks: an ONNX or TorchScript file; '' is none, and a G1 only stands",
+        read_only=True,
+    )
+    policy_config: str = parameter(
+        '',
+        doc='File or preset with the training settings, if the network has none',
+        read_only=True,
+    )
+
+
+policy_player = Executable(
+    name='policy_player',
+    module='policy_player.policy_player_node',
+    about='Walks a robot by a network: keys and cmd_vel in, joint_commands and state out.',
+    parameters=('policy_player.parameters:PolicyNodeParameters',),
+    example='policy_player --ros-args -p description:=g1 -p policy:=walk.onnx',
+)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A network on ROS: readings, keys and cmd_vel in, joint commands out."""
+
+from functools import partial
+import sys
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Twist
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from robot_description.description import load_robot
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+from wasd_core.messages import to_imu_reading, to_joint_commands, to_joint_states, to_seconds
+from wasd_core.node import run_node
+from wasd_core.paired import Answer, LONGEST_LAG, Paired, PairedReadings
+from wasd_core.robot_io import JointCommand, JointStates, Reading
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.timing import is_press
+from wasd_core.topics import (
+    AbsenceWatch,
+    EVENTS,
+    LATCHED,
+    LoopbackSubscription,
+    RELIABLE,
+    SENSOR_DATA,
+)
+
+from policy_player.joint_controller import JointController, STATE_KEYS
+from policy_player.parameters import policy_player, PolicyNodeParameters
+from policy_player.player import Player
+from policy_player.policy_file import read_policy
+from policy_player.stands import stand_of
+
+# After so long without a reading the motors have braked and the robot has sunk [s].
+LONGEST_GAP = 0.3
+
+
+class PolicyPlayerNode(Node):
+    """
+    The face of a `JointController`, by its parameters with a network.
+
+    It steps at each `joint_states` with the `imu/data` of the same stamp and publishes
+    `joint_commands`, which the simulator applies at every physics step.
+    """
+
+    def __init__(
+        self, *, namespace: str = '', parameter_overrides: list[Parameter] | None = None
+    ) -> None:
+        """
+        Load the robot and the network that the parameters name.
+
+        Raises:
+            UserError: what is wrong with either, in one line.
+        """
+        super().__init__(
+            'policy_player', namespace=namespace, parameter_overrides=parameter_overrides or []
+        )
+        settings = declare_parameters(self, PolicyNodeParameters)
+        loaded = load_robot(settings.description)
+        config = settings.policy_config or None
+        player = Player(read_policy(settings.policy, config)) if settings.policy else None
+        joints = [joint.name for joint in loaded.robot.movable_joints if not joint.mimics]
+        self.controller = JointController(joints, stand_of(loaded, joints, player), player)
+        self._readings = PairedReadings(joints, self._step, self._on_return_of_time, self._warn)
+        self._commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
+        self._state = self.create_publisher(String, 'state', LATCHED)
+        self._told = ''
+        self._absence = AbsenceWatch(self, self._on_return)
+        self.create_subscription(String, 'keys', self._on_key, EVENTS)
+        self._cmd_vel = LoopbackSubscription(
+            self, Twist, 'cmd_vel', self._on_twist, is_stale=self._absence.is_stale
+        )
+        self.create_subscription(Imu, 'imu/data', self._on_imu, SENSOR_DATA)
+        self.create_subscription(JointState, 'joint_states', self._on_joints, SENSOR_DATA)
+        self.create_service(Trigger, '~/e_stop', self._on_e_stop)
+
+    def close(self) -> None:
+        """Leave the joints limp (the simulator's own watchdog brakes them, too)."""
+        self.controller.let_go()
+
+    def _on_imu(self, message: Imu) -> None:
+        self._readings.take_imu(to_seconds(message.header.stamp), to_imu_reading(message))
+
+    def _on_joints(self, message: JointState) -> None:
+        stamp = message.header.stamp
+        answer = partial(self._answer, stamp)
+        self._readings.take_joints(
+            to_seconds(stamp), tuple(message.name), to_joint_states(message), answer
+        )
+
+    def _step(self, found: Paired, answer: Answer) -> None:
+        if found.gap > LONGEST_GAP:
+            self.controller.let_go(f'no joint_states for {found.gap:.1f} s: motors damp')
+        order = [found.names.index(name) for name in self.controller.joints]
+        joints = JointStates(*(part[order] for part in found.joints))
+        dt = min(found.gap, LONGEST_LAG)
+        answer(self.controller.step(Reading(joints, found.imu), dt))
+
+    def _answer(self, stamp: Time, command: JointCommand) -> None:
+        """Publish the command for joints of this stamp, and the state."""
+        self._absence.beat()
+        self._commands.publish(to_joint_commands(self.controller.joints, command, stamp))
+        if remark := self.controller.take_remark():
+            self._warn(remark)
+        if self.controller.state != self._told:
+            self._told = self.controller.state.value
+            self._state.publish(String(data=self._told))
+
+    def _on_key(self, message: String) -> None:
+        key = message.data
+        if is_press(key) and key in STATE_KEYS and (said := self.controller.press(key)):
+            self._warn(said)
+
+    def _on_twist(self, message: Twist) -> None:
+        velocity = message.linear.x, message.linear.y, message.angular.z
+        if refused := self.controller.command(velocity):
+            self._warn(refused)
+
+    def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.controller.let_go('emergency stop: motors damp')
+        response.success = True
+        response.message = 'passive; press 2 to stand again'
+        return response
+
+    def _on_return(self, gap: float) -> None:
+        """Begin without a velocity after this process stood still: nobody knows who wants it."""
+        if any(self.controller.velocity):
+            self.controller.command((0.0, 0.0, 0.0))
+            self._warn(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')
+
+    def _on_return_of_time(self) -> None:
+        self.controller.reset()
+
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(text, throttle_duration_sec=5.0)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the policy player as a process of its own."""
+    return run_node(PolicyPlayerNode, args, program=policy_player)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

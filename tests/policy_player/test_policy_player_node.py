@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy player moves a robot that it knows by topics only, as a node of its own."""
+
+from geometry_msgs.msg import Twist
+import numpy as np
+from policy_files import mjlab, onnx
+from policy_player.policy_player_node import PolicyPlayerNode
+import pytest
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+from topic_rig import Rig
+from wasd_core.errors import UserError
+
+pytest.importorskip('onnxruntime')
+LEGS = ('FL', 'FR', 'RL', 'RR')
+JOINTS = tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh', 'calf'))
+THIGHS = [JOINTS.index(f'{leg}_thigh_joint') for leg in LEGS]
+# Of a thigh for each m/s that the network is told [rad].
+LEAN = 0.4
+
+
+@pytest.fixture
+def network(tmp_path):
+    """The file of a network that stands, and leans as far as it is told to go ahead."""
+    weight = np.zeros((12, 9 + 3 * 12), np.float32)
+    weight[THIGHS, 6] = LEAN
+    told = mjlab(
+        JOINTS,
+        default_joint_pos=','.join(['0.0,0.8,-1.5'] * 4),
+        joint_stiffness='60',
+        joint_damping='2',
+        action_scale='1',
+    )
+    path = tmp_path / 'lean.onnx'
+    path.write_bytes(onnx([weight], [np.zeros(12, np.float32)], told))
+    return str(path)
+
+
+def make_node(**values):
+    given = [Parameter(name, value=value) for name, value in values.items()]
+    return PolicyPlayerNode(parameter_overrides=given)
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'description': 'go2'}, "how 'go2' stands is not known"),
+        ({'policy': 'nowhere.onnx'}, 'nowhere.onnx'),
+        ({'policy': 'ours', 'description': 'go2'}, 'linear_velocity.*the leg controller does'),
+        ({'policy': 'ours', 'description': 'mbot'}, "how 'mbot' stands is not known"),
+        ({'policy': 'ours', 'description': 'g1'}, 'joint FL_hip_joint is not in this robot'),
+    ],
+)
+def test_a_network_or_a_robot_that_does_not_fit_is_said_in_a_line(ros, values, words):
+    with pytest.raises(UserError, match=words) as error:
+        make_node(**values)
+    assert '\n' not in str(error.value)
+
+
+def test_without_a_network_a_g1_stands_and_refuses_to_walk(ros):
+    controller = make_node().controller
+    assert len(controller.joints) == 29
+    assert controller.refusal('2') == ''
+    assert controller.press('p').startswith('give --policy FILE')
+
+
+@pytest.fixture
+def rig(network, spawn, spin_until):
+    """A Go2 that lies."""
+    made = Rig(spawn, spin_until, PolicyPlayerNode, 'go2', policy=network)
+    made.run(0.1)
+    return made
+
+
+def press(rig, key, state):
+    rig.peer.press(key)
+    rig.wait_until(lambda: rig.node.controller.state == state)
+
+
+def stand(rig):
+    """Stand up, and let the network stand."""
+    press(rig, '2', 'stand')
+    rig.run(2.0)
+    assert rig.world.base().position[2] > 0.25
+    press(rig, 'p', 'policy')
+    rig.run(0.5)
+
+
+def lean(rig):
+    """Return the mean angle of the thighs beyond the pose of the stand [rad]."""
+    joints, _ = rig.world.read()
+    names = rig.world.parts.joint_names
+    return np.mean([joints.position[names.index(JOINTS[k])] for k in THIGHS]) - 0.8
+
+
+@pytest.mark.slow
+def test_the_network_is_told_the_velocity_as_long_as_somebody_says_it(rig):
+    stand(rig)
+    upright = lean(rig)
+    for _ in range(10):
+        asked = rig.node.controller._asked
+        rig.peer.drive(0.5)
+        rig.wait_until(lambda asked=asked: rig.node.controller._asked is not asked)
+        rig.run(0.1)
+    assert lean(rig) - upright == pytest.approx(0.5 * LEAN, abs=0.1)
+    rig.run(1.5)  # nobody says a word
+    assert lean(rig) == pytest.approx(upright, abs=0.03)
+    press(rig, '1', 'passive')
+    rig.run(1.5)
+    assert rig.world.base().position[2] < 0.2
+    rig.wait_until(lambda: rig.peer.states == ['passive', 'stand', 'policy', 'passive'])
+
+
+@pytest.mark.slow
+def test_it_ignores_what_is_no_number_and_lets_go_at_an_e_stop(rig):
+    stand(rig)
+    message = Twist()
+    message.linear.x = float('nan')
+    rig.peer.cmd_vel.publish(message)
+    rig.run(0.3)
+    assert rig.node.controller.state == 'policy'
+    client = rig.peer.create_client(Trigger, 'policy_player/e_stop')
+    answer = client.call_async(Trigger.Request())
+    rig.wait_until(answer.done)
+    assert answer.result().success
+    assert rig.node.controller.state == 'passive'
+    rig.run(1.0)
+    assert rig.world.base().position[2] < 0.2
+
+
+@pytest.mark.slow
+def test_readings_that_ceased_for_a_while_leave_it_passive(rig):
+    stand(rig)
+    rig.simulator.simulation.advance(400)
+    rig.wait_until(lambda: rig.node.controller.state == 'passive')
