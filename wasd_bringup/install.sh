@@ -133,8 +133,9 @@ install_needed() {
     return
   fi
   case $without in *pin*) numpy='import numpy; print("numpy==" + numpy.__version__)' ;; *) numpy= ;; esac
+  [ "$1" = test ] || set --
   {
-    "$venv/bin/python" -I "$here/requirements/lock.py" --ranges ${1:+"$1"} --without $without
+    "$venv/bin/python" -I "$here/requirements/lock.py" --ranges "$@" --without $without
     [ -z "$numpy" ] || "$venv/bin/python" -P -c "$numpy"
   } >"$venv/$NEEDED"
   run_pip -r "$venv/$NEEDED"

@@ -327,7 +327,7 @@ def test_a_sourced_jazzy_brings_its_own_rclpy(checkout):
     checkout.add_tool('uname', '#!/bin/sh\necho Linux aarch64\n')
     (checkout.fake / 'rclpy').touch()
     ros = {'ROS_DISTRO': 'jazzy', 'PYTHONPATH': '/ros/python', 'AMENT_PREFIX_PATH': '/ros'}
-    result = checkout.run(**ros)
+    result = checkout.run('go2', **ros)
     assert result.returncode == 0, result.stderr
     assert 'path=/ros/python' in result.stdout
     assert f'prefix={checkout.folder}/.venv.jazzy:/ros' in result.stdout
