@@ -5,6 +5,8 @@ import ast
 from collections.abc import Iterator
 import functools
 from pathlib import Path
+import shutil
+import subprocess
 import tomllib
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -13,6 +15,17 @@ PROJECT = tomllib.loads((ROOT / 'pyproject.toml').read_text())
 ALSO_IN = {'wasd_bringup': ('wasd',)}
 
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
+
+
+def copy_checkout(target: Path) -> Path:
+    """Copy the checkout as it is now, without what git ignores; return the target."""
+    words = ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard']
+    listed = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in filter(None, listed.stdout.split('\0')):
+        if (ROOT / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, target / name)
+    return target
 
 
 @functools.cache

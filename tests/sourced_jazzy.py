@@ -15,7 +15,8 @@ import subprocess
 import sys
 import sysconfig
 
-ROOT = Path(__file__).resolve().parents[1]
+from source_trees import copy_checkout, ROOT
+
 PYTHON = '/usr/bin/python3'
 
 # What rosdep gets from apt for our keys, and what that needs: versions of Ubuntu 24.04.
@@ -26,7 +27,6 @@ FROM_APT = {
     'python3-pil': 'pillow==10.2.0',
     'python3-pytest': 'pytest==7.4.4 iniconfig==1.1.1 packaging==24.0 pluggy==1.4.0',
     'python3-rich': 'rich==13.7.1 markdown-it-py==3.0.0 mdurl==0.1.2 pygments==2.17.2',
-    'python3-scipy': 'scipy==1.11.4',
     'python3-yaml': 'pyyaml==6.0.1',
 }
 # Of Jazzy itself, but not among its wheels.
@@ -98,18 +98,7 @@ class SourcedJazzy:
 
     def clone_of_checkout(self) -> Path:
         """Return a repository with the checkout as it is now, to be cloned."""
-        made = self.folder / 'repository'
-        listed = subprocess.run(
-            ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        for name in filter(None, listed.stdout.split('\0')):
-            if (ROOT / name).is_file():
-                (made / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(ROOT / name, made / name)
+        made = copy_checkout(self.folder / 'repository')
         words = ['-c', 'user.name=test', '-c', 'user.email=test@localhost']
         for arguments in (['init', '-q'], ['add', '-A'], [*words, 'commit', '-qm', 'as it is']):
             subprocess.run(['git', *arguments], cwd=made, check=True)

@@ -119,6 +119,7 @@ def test_a_robot_without_masses_can_be_checked(capsys, tmp_path):
         '<joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>'
         '<origin xyz="1 2 3"/><axis xyz="0 1 0"/></joint></robot>'
     )
+    pytest.importorskip('yourdfpy')
     record = info(capsys, path, '--check')
     assert record['mass'] == 0.0
     assert (record['joints'][0]['effort'], record['joints'][0]['velocity']) == (None, None)

@@ -110,4 +110,5 @@ def test_what_one_reader_refuses_and_the_other_does_not_loads_in_all():
     read = parse_description(urdf, Path('r.urdf'))
     assert to_pinocchio(read).nq == 8
     assert to_mujoco(read.robot).compile().nq == 8
+    pytest.importorskip('yourdfpy')
     assert max(deviation.distance for deviation in check_kinematics(read)) < 1e-12
