@@ -226,7 +226,7 @@ class RobotNavigator:
 
     def explore(self) -> None:
         """
-        Drive to where something is unknown, until nothing is that can be reached; then back.
+        Drive to frontiers of the unknown, until none is left that can be reached; then back.
 
         Raises:
             UserError: its map does not grow.
@@ -255,11 +255,11 @@ class RobotNavigator:
             return
         if self._is_homeward:
             self._explorer = None
-            self.say('explored: it can reach no more of the unknown')
+            self.say('explored: no more of the unknown can be reached or is worth the way')
             return
         if not is_seen:
             explorer.give_up()  # it has been there, or no way leads there
-        goal = explorer.choose(navigator.grid, pose)
+        goal = explorer.choose(navigator.grid, pose, home=self._home)
         self._is_homeward = goal is None
         navigator.set_goal(self._home if goal is None else goal)
 

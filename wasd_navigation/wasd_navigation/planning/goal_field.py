@@ -19,7 +19,7 @@ from wasd_navigation.planning.surroundings import Surroundings
 # Around the goal, so many cells each way get their straight distance: first order errs most there.
 _DISC = 3
 # Ways through cells where nobody may stand cost so much more; only who stands there takes them.
-_ESCAPE_PRICE = 20.0
+ESCAPE_PRICE = 20.0
 # All cells of a map.
 WHOLE = 1 << 40
 # Beyond all that is reached [m].
@@ -146,7 +146,7 @@ def march_from(
     _march(values, heap, price, resolution, -1, WHOLE)
     reached = values < np.inf
     most = float(values[reached].max()) if reached.any() else 0.0
-    out = np.where(escape & ~reached, np.float32(_ESCAPE_PRICE), np.float32(np.inf))
+    out = np.where(escape & ~reached, np.float32(ESCAPE_PRICE), np.float32(np.inf))
     heap.held[0] = 0
     _begin_at_edge(values, heap, out)
     _march(values, heap, out, resolution, -1, WHOLE)
