@@ -75,3 +75,10 @@ def test_the_ranges_hold_the_interfaces_that_are_built():
         Requirement(word) for word in PROJECT_TABLE['dependencies'] if 'wasd-interfaces' in word
     )
     assert asked.specifier.contains(build_interfaces.VERSION)
+
+
+def test_the_page_of_installing_names_the_extras_of_users():
+    page = (ROOT / 'docs/install.md').read_text()
+    named = set(re.findall(r'\| `(\w+)` \|', page.partition('| extra |')[2].partition('\n\n')[0]))
+    of_developers = {'test', 'colcon', 'anchors', 'lint'}
+    assert named == set(PROJECT_TABLE['optional-dependencies']) - of_developers

@@ -17,10 +17,11 @@ import time
 import urllib.request
 
 import pytest
-from source_trees import ROOT
+from source_trees import copy_checkout, ROOT
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.takes_up_to(3600.0),
     pytest.mark.skipif('WASD_TEST_WHEELS' not in os.environ, reason='WASD_TEST_WHEELS=1 asks'),
 ]
 NOBODY = 65534
@@ -80,10 +81,7 @@ def test_another_user_with_a_read_only_home_walks_and_hears_where_nothing_is_kep
     shutil.copy(ROOT / 'docs/examples/walk.keys', work)
     before = time.time()
     done = subprocess.run(
-        [
-            installation / 'bin/wasd',
-            *['go2', '--play', 'walk.keys', '--speed', '0', '--report', 'r.json'],
-        ],
+        [installation / 'bin/wasd', 'go2', *WALK],
         cwd=work,
         env={'HOME': str(home), 'TMPDIR': str(temporary), 'PATH': '/usr/bin:/bin'},
         user=NOBODY,
@@ -120,17 +118,37 @@ def test_the_steps_of_the_dockerfile_end_in_a_page_that_answers(
     def here(step: str) -> str:
         return re.sub('|'.join(moved), lambda found: moved[found[0]], step)
 
-    environment = {'HOME': str(home), 'PATH': os.environ['PATH']}
-    for name in ('PIP_CERT', 'SSL_CERT_FILE', 'PIP_FIND_LINKS'):
-        if name in os.environ:
-            environment[name] = os.environ[name]
     for step in steps('RUN'):
         if not step.startswith(SYSTEM_STEPS):
-            subprocess.run(['sh', '-c', here(step)], cwd=home, env=environment, check=True)
+            subprocess.run(['sh', '-c', here(step)], cwd=home, env=bare(home), check=True)
     (entry,), words = (json.loads(steps(kind)[0]) for kind in ('ENTRYPOINT', 'CMD'))
-    process = subprocess.Popen([here(entry), *words], cwd=home, env=environment)
+    check_page([here(entry), *words], home, home)
+
+
+def test_the_steps_of_the_devcontainer_end_in_the_page_that_it_forwards(tmp_path: Path) -> None:
+    home = tmp_path / 'home'
+    home.mkdir()
+    clone = copy_checkout(tmp_path / 'wasd')
+    container = json.loads((ROOT / '.devcontainer/devcontainer.json').read_text())
+    subprocess.run(
+        ['sh', '-c', container['postCreateCommand']], cwd=clone, env=bare(home), check=True
+    )
+    command = container['postAttachCommand'].split()
+    assert container['forwardPorts'] == [int(command[-1])]
+    check_page(command, clone, home)
+
+
+def bare(home: Path) -> dict[str, str]:
+    """Return the environment of a container: a home, and how this machine reaches an index."""
+    passed = ('PATH', 'PIP_CERT', 'SSL_CERT_FILE', 'PIP_FIND_LINKS')
+    return {name: os.environ[name] for name in passed if name in os.environ} | {'HOME': str(home)}
+
+
+def check_page(command: list[str], folder: Path, home: Path) -> None:
+    """Start a command whose last word is the port of a page, and wait for the page."""
+    process = subprocess.Popen(command, cwd=folder, env=bare(home))
     try:
-        assert '<title>' in page(f'http://127.0.0.1:{words[-1]}/')
+        assert '<title>' in page(f'http://127.0.0.1:{command[-1]}/')
     finally:
         process.terminate()
         process.wait(30.0)
@@ -145,11 +163,3 @@ def page(address: str) -> str:
         except OSError:
             time.sleep(0.2)
     raise AssertionError(f'{address} does not answer')
-
-
-def test_the_page_of_the_image_is_forwarded_by_the_devcontainer() -> None:
-    (command,) = steps('CMD')
-    port = json.loads(command)[-1]
-    container = json.loads((ROOT / '.devcontainer/devcontainer.json').read_text())
-    assert container['forwardPorts'] == [int(port)]
-    assert container['postAttachCommand'].endswith(f'--port {port}')
