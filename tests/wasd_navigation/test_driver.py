@@ -303,6 +303,25 @@ def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way
     assert np.abs(robot.driver.path - (3.2, 2.0)).max(axis=1).min() > 0.2
 
 
+def test_a_blocked_way_is_drawn_as_fast_as_the_first_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ('route', 'driver'):
+        monkeypatch.setattr(f'wasd_navigation.planning.{name}.SLICE', 1000)
+    robot = legs(room(), (1.0, 2.0, 0.0))
+    robot.driver.set_goal(np.array((5.0, 2.0, 0.0)))
+    robot.run(DT)  # it is looked whether that is a goal
+    first = 0
+    while not len(robot.driver.path):
+        first += 1
+        robot.run(DT)
+    robot.run(1.0)
+    robot.look = box_seen(3.2, 2.0, 0.2)
+    second = 0
+    while np.abs(robot.driver.path - (3.2, 2.0)).max(axis=1).min() < 0.2:
+        second += 1
+        robot.run(DT)
+    assert second <= first + 2  # in a room as small as that each draws nearly all of it
+
+
 @pytest.mark.parametrize('depth', [0.03, 0.045, 0.05, 0.06, 0.07, 0.08])
 def test_a_flat_box_before_a_wall_is_not_touched_by_who_stops_beside_it(depth: float) -> None:
     robot = wheels(room(), (2.2, 0.6, 0.0))

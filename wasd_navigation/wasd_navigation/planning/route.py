@@ -18,9 +18,9 @@ from wasd_navigation.records import FEWEST
 
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
 _OFF_WAY, _PASSED = 0.15, 20
-# So much of a field is drawn in one step: 3 ms, or 6 on a slow host; of one that is wanted soon
-# more, by this share, and at once, before the robot drives.
-SLICE, _URGENT, AT_ONCE = 9000, 1.5, 2.5
+# So much of a field is drawn in one step: 3 ms, or 6 on a slow host; more, by this share, before
+# the robot drives and while its way is blocked.
+SLICE, AT_ONCE = 9000, 2.5
 # A way longer than the shortest by this factor is drawn once more, to be short rather than easy;
 # of ways longer than this that is not asked [m]. A short one keeps clear by so much, or by as much
 # as the easy one [m], and is shorter by this factor.
@@ -196,7 +196,7 @@ class Route:
                 self.draw(around)
                 self._is_urgent = is_bad
         # A step that has measured all distances draws no more than it has to.
-        share = _URGENT if self.is_drawing and self._is_urgent else 1.0
+        share = AT_ONCE if self.is_drawing and self._is_urgent else 1.0
         self.work(pose, round(share * SLICE) if self._since_drawn > 0.0 else 0)
         left = self.left(pose)
         if left < math.inf:
