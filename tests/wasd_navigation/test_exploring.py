@@ -62,7 +62,7 @@ def test_what_is_behind_a_wall_without_a_door_is_left_alone() -> None:
 def test_a_frontier_that_was_driven_to_in_vain_is_not_chosen_again() -> None:
     grid, chosen = room((5.0, 0.0, 8.0, 4.0)), explorer()
     assert chosen.choose(grid, HERE) is not None
-    assert not chosen.is_seen(grid)
+    assert not chosen.is_seen(grid, HERE)
     chosen.give_up()
     assert chosen.choose(grid, HERE) is None
 
@@ -70,8 +70,17 @@ def test_a_frontier_that_was_driven_to_in_vain_is_not_chosen_again() -> None:
 def test_a_frontier_is_seen_when_what_was_behind_it_is_known() -> None:
     chosen = explorer()
     chosen.choose(room((5.0, 0.0, 8.0, 4.0)), HERE)
-    assert not chosen.is_seen(room((5.1, 0.0, 8.0, 4.0)))
-    assert chosen.is_seen(room((7.0, 0.0, 8.0, 4.0)))
+    assert not chosen.is_seen(room((5.1, 0.0, 8.0, 4.0)), HERE)
+    assert chosen.is_seen(room((7.0, 0.0, 8.0, 4.0)), HERE)
+
+
+def test_a_frontier_is_left_alone_once_no_way_leads_to_it() -> None:
+    unknown, chosen = (5.0, 0.0, 8.0, 4.0), explorer()
+    chosen.choose(room(unknown), HERE)
+    assert not chosen.is_seen(room(unknown, walls=((4.0, 0.0, 4.1, 3.0),)), HERE)
+    shut = room(unknown, walls=((4.0, 0.0, 4.1, 4.0),))
+    assert chosen.is_seen(shut, HERE)
+    assert chosen.choose(shut, HERE) is None
 
 
 def test_frontiers_are_apart_where_a_wall_parts_them() -> None:

@@ -138,15 +138,22 @@ class Explorer:
         """Begin again: no frontier was driven to in vain."""
         self._in_vain, self.aim = [], None
 
-    def is_seen(self, grid: Grid) -> bool:
-        """Whether the frontier that is driven to is none any more."""
+    def is_seen(self, grid: Grid, pose: np.ndarray) -> bool:
+        """Whether the frontier that is driven to is none any more, or shut off from a pose."""
         if self.aim is None:
             return True
+        distances = self._distances(grid)
         aim = grid.to_cells(self.aim[None])[0]
-        return not any(
-            bool((np.hypot(*(cells - aim).T) * grid.resolution < NEAR).any())
-            for cells, _ in self._frontiers(grid, self._distances(grid))
-        )
+        left = [
+            cells
+            for cells, _ in self._frontiers(grid, distances)
+            if (np.hypot(*(cells - aim).T) * grid.resolution < NEAR).any()
+        ]
+        if not left:
+            return True
+        price = self._price(grid, distances, pose)
+        ways = ways_from(grid.to_cells(pose[None, :2])[0], price, grid.resolution)
+        return all(self._viewpoint(ways, cells) is None for cells in left)
 
     def give_up(self) -> None:
         """Drive to the present frontier no more."""

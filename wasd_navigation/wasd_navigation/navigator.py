@@ -285,7 +285,7 @@ class Navigator:
             return was_searching
         if not self._is_searching:
             explorer.forget()
-        elif not explorer.is_seen(grid):
+        elif not explorer.is_seen(grid, pose):
             if not has_ended:
                 return True
             explorer.give_up()

@@ -250,7 +250,7 @@ class RobotNavigator:
         if is_driving and (self._is_homeward or self._explored < EXPLORE_PERIOD):
             return
         self._explored = 0.0
-        is_seen = explorer.is_seen(navigator.grid)
+        is_seen = explorer.is_seen(navigator.grid, pose)
         if is_driving and not is_seen:
             return
         if self._is_homeward:
