@@ -33,8 +33,10 @@ def size_of(thing: object) -> int:
         seen.add(id(one))
         total += sys.getsizeof(one)
         waiting += gc.get_referents(one)
-        if isinstance(one, np.ndarray):
+        if isinstance(one, np.ndarray) and isinstance(one.base, np.ndarray | bytes):
             waiting.append(one.base)
+        elif isinstance(one, np.ndarray) and not one.flags.owndata:
+            total += one.nbytes  # its memory is that of compiled code
     return total
 
 
@@ -53,12 +55,16 @@ def map_log(log: Log) -> dict[str, Any]:
     gone = np.cumsum(steps)
     first = int(np.searchsorted(gone, SEEN))
     costs, sizes, within = np.zeros(len(log.scans)), [], []
+    # The collector would go through the whole log now and then, which no robot holds.
+    gc.collect()
+    gc.freeze()
     for row in range(len(log.scans)):
         costs[row] = take_in(mapper, log, row)
         place = mapper.reference
         within.append((place, compose(inverse(mapper.places[place]), mapper.pose)))
         if row == first:
             sizes.append(size_of(mapper))
+    gc.unfreeze()
     sizes.append(size_of(mapper))
     final = np.array([compose(mapper.places[place], pose) for place, pose in within])
     return {

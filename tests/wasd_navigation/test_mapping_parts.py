@@ -317,3 +317,16 @@ def test_cells_of_a_wall_are_right_however_noisy_far_ranges_are() -> None:
     occupied = grid.to_points(np.argwhere(grid.cells == 100))
     assert len(occupied) > 30
     assert (np.abs(occupied[:, 0] - 5.025) <= 0.051).mean() > 0.98
+
+
+def test_what_is_known_twice_of_a_pair_is_one_edge_with_the_mean() -> None:
+    places = Places()
+    first, second = np.array((1.0, 0.0, 3.1)), np.array((1.3, 0.0, -3.1))
+    places.link((0, 1), first, np.diag((2.0, 1.0, 1.0)), sure=False)
+    places.link((0, 1), second, np.diag((1.0, 1.0, 1.0)), sure=False)
+    places.link((1, 2), first, np.eye(3), sure=True)
+    edges = places.edges()
+    assert edges.pairs.tolist() == [[0, 1], [1, 2]]
+    np.testing.assert_allclose(edges.informations[0], np.diag((3.0, 2.0, 2.0)))
+    assert edges.poses[0, :2] == pytest.approx((1.1, 0.0))
+    assert abs(edges.poses[0, 2]) == pytest.approx(math.pi)  # the mean of 3.1 and -3.1

@@ -25,7 +25,7 @@ def room() -> LocalMap:
     scan = look(np.zeros(3), Quiet(), with_box=True)  # type: ignore[arg-type]
     points = find_surface(scan, NOISE).points
     begins = np.array((0, len(points)))
-    add_surfaces(local, np.zeros((1, 3)), points, begins, np.zeros(1, dtype=np.int64))
+    add_surfaces(local, np.zeros((1, 3)), points, begins)
     return local
 
 
@@ -110,7 +110,7 @@ def test_a_fit_says_nothing_of_the_way_along_a_wall() -> None:
     local.clear(np.zeros(2))
     points = see()
     begins = np.array((0, len(points)))
-    add_surfaces(local, np.zeros((1, 3)), points, begins, np.zeros(1, dtype=np.int64))
+    add_surfaces(local, np.zeros((1, 3)), points, begins)
     start = np.array((0.3, 0.04, 0.02))
     pose, information, _ = fit_scan(local, see(), start, np.diag((1e2, 1e2, 1e2)), 0.012, 12)
     assert pose[1:] == pytest.approx((0.0, 0.0), abs=0.01)

@@ -30,7 +30,7 @@ def make_grid_map(grid: Grid) -> LocalMap:
     local = make_local_map(0.5 * float(size.max(initial=1.0)) + 2.0 * CELL, len(points) + 1)
     local.clear(np.array(grid.origin) + 0.5 * size)
     begins = np.array((0, len(points)))
-    add_surfaces(local, np.zeros((1, 3)), points, begins, np.zeros(1, dtype=np.int64))
+    add_surfaces(local, np.zeros((1, 3)), points, begins)
     return local
 
 

@@ -62,15 +62,14 @@ def add_surfaces(
     poses: np.ndarray,
     surfaces: np.ndarray,
     begins: np.ndarray,
-    numbers: np.ndarray,
 ) -> None:
     """
-    Put into an empty map what was seen from some places, of which `numbers` are in `poses`.
+    Put into an empty map what was seen from some places, at poses, shape (n, 3).
 
     `surfaces`, shape (m, 5), has x, y, nx, ny and the deviation of each in the frame of their
     place, those of place i from begins[i] to begins[i + 1].
     """
-    for number in numbers:
+    for number in range(poses.shape[0]):
         _add_surface(local, poses[number], surfaces[begins[number] : begins[number + 1]])
     for row in range(local.used[0]):
         sums = local.sums[row]

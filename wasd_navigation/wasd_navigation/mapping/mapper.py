@@ -380,7 +380,7 @@ class Mapper:
         fit = Fit(
             *fit_scan(
                 self._old,
-                places.surface(number),
+                places.points[number],
                 pose,
                 LOOP_PRIOR,
                 self._parameters.range_noise,

@@ -10,6 +10,7 @@ from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.pose_graph import Edges
 from wasd_navigation.mapping.surface import Surface
 from wasd_navigation.records import Grid, Scan
+from wasd_navigation.se2 import wrap
 
 # So many places are drawn in one step.
 PORTION = 2
@@ -19,14 +20,14 @@ LEAST_MOVE, LEAST_TURN = 0.01, 0.004
 
 @dataclass
 class Places:
-    """Nodes of the pose graph with their scans, and its edges."""
+    """Nodes of the pose graph with their scans, and its edges: one of a pair at most."""
 
     scans: list[Scan] = field(default_factory=list)
     surfaces: list[Surface] = field(default_factory=list)
-    _points: np.ndarray = field(default_factory=lambda: np.zeros((16_384, 5)))
-    _begins: np.ndarray = field(default_factory=lambda: np.zeros(65, dtype=np.int64))
+    # What scans are matched against: as `Surface.points`, of when each was seen first.
+    points: list[np.ndarray] = field(default_factory=list)
     _poses: np.ndarray = field(default_factory=lambda: np.zeros((64, 3)))
-    _linked: int = 0
+    _rows: dict[tuple[int, int], int] = field(default_factory=dict)  # of edges, by their pairs
     _edges: Edges = field(
         default_factory=lambda: Edges(
             np.zeros((64, 2), dtype=np.int64),
@@ -46,48 +47,52 @@ class Places:
         poses: np.ndarray = self._poses[: len(self)]
         return poses
 
-    def surface(self, number: int) -> np.ndarray:
-        """Return what of a place's scan lies on surfaces: as `Surface.points`."""
-        points: np.ndarray = self._points[self._begins[number] : self._begins[number + 1]]
-        return points
-
     def add(self, scan: Scan, surface: Surface, pose: np.ndarray) -> None:
         """Add a place."""
         number = len(self)
-        begin = int(self._begins[number])
-        end = begin + len(surface.points)
         if number == len(self._poses):
-            self._poses, self._begins = _doubled(self._poses), _doubled(self._begins)
-        if end > len(self._points):
-            self._points = _doubled(self._points, end)
+            self._poses = _doubled(self._poses)
         self._poses[number] = pose
-        self._points[begin:end] = surface.points
-        self._begins[number + 1] = end
         self.scans.append(scan)
         self.surfaces.append(surface)
+        self.points.append(surface.points)
 
     def link(self, pair: tuple[int, int], pose: np.ndarray, known: np.ndarray, sure: bool) -> None:
-        """Add that the second has a pose in the first's frame, with an information (3, 3)."""
-        if self._linked == len(self._edges.pairs):
-            self._edges = Edges(*map(_doubled, self._edges))
+        """
+        Add that the second has a pose in the first's frame, with an information (3, 3).
+
+        What is known of a pair already is kept: one edge has the mean of both.
+        """
+        row = self._rows.get(pair)
+        if row is not None:
+            before = self._edges.informations[row]
+            step = pose - self._edges.poses[row]
+            step[2] = wrap(step[2])
+            known = before + known
+            pose = self._edges.poses[row] + np.linalg.pinv(known) @ (known - before) @ step
+            sure = sure or not self._edges.robust[row]
+        else:
+            row = self._rows[pair] = len(self._rows)
+            if row == len(self._edges.pairs):
+                self._edges = Edges(*map(_doubled, self._edges))
         for kept, value in zip(self._edges, (pair, pose, known, not sure), strict=True):
-            kept[self._linked] = value
-        self._linked += 1
+            kept[row] = value
 
     def edges(self) -> Edges:
         """Return all that is known of pairs."""
-        return Edges(*(kept[: self._linked].copy() for kept in self._edges))
+        return Edges(*(kept[: len(self._rows)].copy() for kept in self._edges))
 
     def show(self, local: LocalMap, middle: np.ndarray, numbers: np.ndarray) -> None:
         """Draw into a local map what was seen from some of them, around a place [m]."""
         local.clear(middle)
-        add_surfaces(local, self._poses, self._points, self._begins, numbers)
+        seen = [self.points[number] for number in numbers]
+        begins = np.cumsum([0, *map(len, seen)])
+        add_surfaces(local, self._poses[numbers], np.concatenate(seen), begins)
 
 
-def _doubled(kept: np.ndarray, least: int = 0) -> np.ndarray:
-    """Return an array with twice as many rows, or more for `least`; new ones are 0."""
-    more = max(len(kept), least - len(kept))
-    return np.concatenate((kept, np.zeros((more, *kept.shape[1:]), dtype=kept.dtype)))
+def _doubled(kept: np.ndarray) -> np.ndarray:
+    """Return an array with twice as many rows; new ones are 0."""
+    return np.concatenate((kept, np.zeros_like(kept)))
 
 
 class Drawing:

@@ -123,12 +123,8 @@ class Surface(NamedTuple):
     deviations: np.ndarray
 
     def seen_from(self, pose: np.ndarray) -> 'Surface':
-        """Return the same as seen from another frame, in which this one has a pose, shape (3,)."""
-        points = self.points.copy()
-        points[:, :2] = transform(pose, np.ascontiguousarray(self.points[:, :2]))
-        turn = np.array((0.0, 0.0, pose[2]))
-        points[:, 2:4] = transform(turn, np.ascontiguousarray(self.points[:, 2:4]))
-        return self._replace(points=points, ends=transform(pose, self.ends))
+        """Return what is drawn of it, no points, in a frame where its own has a pose (3,)."""
+        return self._replace(points=np.empty((0, 5)), ends=transform(pose, self.ends))
 
 
 def find_surface(scan: Scan, noise: Noise) -> Surface:
