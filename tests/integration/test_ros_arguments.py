@@ -62,6 +62,9 @@ CASES = {
     'navigator': Case(
         'wasd_navigation.navigator_node.NavigatorNode', 'limits.forward', 0.3, 'goal_pose'
     ),
+    'policy_player': Case(
+        'policy_player.policy_player_node.PolicyPlayerNode', 'policy_config', 'playground', 'keys'
+    ),
     'simulator': Case(
         'mujoco_sim.simulator_node.SimulatorNode', 'seed', 7, 'joint_states'
     ),
