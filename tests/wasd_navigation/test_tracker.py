@@ -6,7 +6,7 @@ import math
 from lidar_room import look
 import numpy as np
 import pytest
-from wasd_navigation.mapping.local_map import add_surfaces, Fit, fit_scan, LocalMap, make_local_map
+from wasd_navigation.mapping.local_map import add_surfaces, fit_scan, LocalMap, make_local_map
 from wasd_navigation.mapping.surface import find_surface, Noise
 from wasd_navigation.mapping.tracker import Tracker
 from wasd_navigation.records import Scan
@@ -116,23 +116,3 @@ def test_a_fit_says_nothing_of_the_way_along_a_wall() -> None:
     assert pose[1:] == pytest.approx((0.0, 0.0), abs=0.01)
     assert pose[0] == pytest.approx(start[0], abs=0.02)
     assert information[0, 0] < 0.02 * information[1, 1]
-
-
-def test_of_what_a_scan_tells_nothing_noise_moves_less_than_where_it_tells() -> None:
-    """In a round room the place is seen, the heading is not; both are off together."""
-    tracker, place, heading, both = Tracker(0.012), 1e-4, 1e-3, 2e-4
-    covariance = np.array(((place, 0.0, both), (0.0, place, 0.0), (both, 0.0, heading)))
-    tracker.move(np.zeros(3), np.zeros((3, 3)))
-    tracker.put(np.zeros(3), covariance)
-    tracker.move(np.zeros(3), np.zeros((3, 3)))
-    told, seen = 1e5, 0.02
-    scan = np.diag((told, told, 0.0))
-    prior = np.linalg.inv(tracker.covariance)
-    pose = np.linalg.solve(prior + scan, scan @ np.array((seen, 0.0, 0.0)))
-    tracker._prior, tracker._start = prior, np.zeros(3)
-    tracker.believe(Fit(pose, scan, 1.0))
-    assert tracker.pose[0] == pytest.approx(pose[0], rel=0.02)
-    # Kalman's gain, of a scan of which a tenth is believed.
-    gain = both / (place + 1.0 / (0.1 * told))
-    assert tracker.pose[2] == pytest.approx(gain * seen, rel=0.02)
-    assert tracker.pose[2] < 0.6 * pose[2]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.mapping.local_map import ARM, Fit, fit_scan, LocalMap
+from wasd_navigation.mapping.local_map import Fit, fit_scan, LocalMap
 from wasd_navigation.odometry import LEAP, OdometryGrowth
 from wasd_navigation.se2 import compose, invert, turn_axes, wrap
 
@@ -16,8 +16,6 @@ ROUNDS = 12
 WAVER = np.diag((5e-4**2, 5e-4**2, 2.5e-4**2))
 # What a fit tells is believed by this share: its errors are not independent.
 TRUST = 0.1
-# What a scan tells less of than this share of all tells nothing.
-FAINT = 0.003
 # Of what odometry says of its error so much is new at each move; the rest lasts, as that of the
 # size of a wheel, and is learnt. So is at least, and at most, known of it: shares of way and turn.
 NEW = np.sqrt(np.array((0.05, 0.05, 0.15)))  # of x, y, yaw, and their deviations
@@ -136,33 +134,14 @@ class Tracker:
         """Be where a fit is; learn from it what is wrong with odometry."""
         self.told = TRUST * fit.information
         if self.has_slipped:
-            self.pose = fit.pose
             way, begin, _ = self._moves[-1]
             self._moves[-1] = way, begin, True
             self._joint[:3, :] = self._joint[:, :3] = 0.0
             self._joint[:3, :3] = invert(self._prior + self.told)
         else:
-            off = fit.pose - self._start
-            off[2] = wrap(off[2])
-            step = _step(off, self._prior, fit.information)
-            self._joint, learnt = _learn(self._joint, step, self.told)
+            self._joint, learnt = _learn(self._joint, fit.pose - self._start, self.told)
             self.scales = np.clip(self.scales + learnt, -LARGEST, LARGEST)
-            self.pose = self._start + step
-            self.pose[2] = wrap(self.pose[2])
-
-
-def _step(off: np.ndarray, prior: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """
-    Return what of a fit's step is taken: all where the scan tells something, elsewhere less.
-
-    Else a robot in a round room would be turned by what its place wavers.
-    """
-    step = invert(prior + TRUST * information) @ (TRUST * (prior + information) @ off)
-    arms = np.array((1.0, 1.0, ARM))
-    most = np.trace(information / np.outer(arms, arms)) + 1.0
-    seen = invert(information + np.diag(FAINT * most * arms * arms)) @ information
-    taken: np.ndarray = step + seen @ (off - step)
-    return taken
+        self.pose = fit.pose
 
 
 @jit
