@@ -40,7 +40,7 @@ def enter_and_leave(name: str, seed: int) -> dict[str, Any]:
     """
     Send a robot into a gap, and where its middle got in, out of it again on a random side.
 
-    Out through the gap, too, where it stands before it, would be another question.
+    A robot that stands before the gap is sent nowhere else.
     """
     boxes, middle, width, depth = gap_world(name, seed)
     random = np.random.default_rng((seed, 52))

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_imu_reading, to_joint_commands, to_joint_states, to_seconds
 from wasd_core.node import run_node
-from wasd_core.paired import Answer, LONGEST_LAG, Paired, PairedReadings
+from wasd_core.paired import Answer, LONGEST_GAP, Paired, PairedReadings
 from wasd_core.robot_io import JointCommand, JointStates, Reading
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.timing import is_press
@@ -33,9 +33,6 @@ from policy_player.parameters import policy_player, PolicyNodeParameters
 from policy_player.player import Player
 from policy_player.policy_file import read_policy
 from policy_player.stands import stand_of
-
-# After so long without a reading the motors have braked and the robot has sunk [s].
-LONGEST_GAP = 0.3
 
 
 class PolicyPlayerNode(Node):
@@ -64,7 +61,7 @@ class PolicyPlayerNode(Node):
         player = Player(read_policy(settings.policy, config)) if settings.policy else None
         joints = [joint.name for joint in loaded.robot.movable_joints if not joint.mimics]
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
-        self._readings = PairedReadings(joints, self._step, self._on_return_of_time, self._warn)
+        self._readings = PairedReadings(joints, self._step, self.controller.reset, self._warn)
         self._commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._told = ''
@@ -96,8 +93,7 @@ class PolicyPlayerNode(Node):
             self.controller.let_go(f'no joint_states for {found.gap:.1f} s: motors damp')
         order = [found.names.index(name) for name in self.controller.joints]
         joints = JointStates(*(part[order] for part in found.joints))
-        dt = min(found.gap, LONGEST_LAG)
-        answer(self.controller.step(Reading(joints, found.imu), dt))
+        answer(self.controller.step(Reading(joints, found.imu), found.gap))
 
     def _answer(self, stamp: Time, command: JointCommand) -> None:
         """Publish the command for joints of this stamp, and the state."""
@@ -130,9 +126,6 @@ class PolicyPlayerNode(Node):
         if any(self.controller.velocity):
             self.controller.command((0.0, 0.0, 0.0))
             self._warn(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')
-
-    def _on_return_of_time(self) -> None:
-        self.controller.reset()
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)

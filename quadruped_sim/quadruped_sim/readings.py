@@ -3,14 +3,12 @@
 
 from collections.abc import Callable
 
-from wasd_core.paired import Answer, LONGEST_LAG, Paired, PairedReadings
+from wasd_core.paired import Answer, LONGEST_GAP, LONGEST_LAG, Paired, PairedReadings
 from wasd_core.robot_io import BaseState, ImuReading, JointStates, Reading
 
 from quadruped_sim.feed import Feed
 from quadruped_sim.legs import Legs
 
-# After so long without a reading the motors have braked and the robot has sunk [s].
-LONGEST_GAP = 0.3
 # Who rests is told so long after readings have become slow [s]:
 # a simulator waits for nobody until it is first answered, and states may be lost till then.
 SLOW_AT_REST = 1.0

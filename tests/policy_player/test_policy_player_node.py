@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from topic_rig import Rig
 from wasd_core.errors import UserError
+from wasd_core.paired import Paired
 
 pytest.importorskip('onnxruntime')
 LEGS = ('FL', 'FR', 'RL', 'RR')
@@ -133,3 +134,17 @@ def test_readings_that_ceased_for_a_while_leave_it_passive(rig):
     stand(rig)
     rig.simulator.simulation.advance(400)
     rig.wait_until(lambda: rig.node.controller.state == 'passive')
+
+
+@pytest.mark.slow
+def test_a_velocity_is_forgotten_in_half_a_second_also_where_readings_come_slowly(rig):
+    stand(rig)
+    controller, asked = rig.node.controller, rig.node.controller._asked
+    rig.peer.drive(0.5)
+    rig.wait_until(lambda: controller._asked is not asked)
+    joints, imu = rig.world.read()
+    slow = Paired(0.1, rig.world.joint_names, joints, imu, None)
+    for _ in range(6):
+        rig.node._step(slow, lambda command: None)
+    assert controller.state == 'policy'
+    assert not controller._age.is_alive

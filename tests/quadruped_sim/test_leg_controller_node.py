@@ -11,7 +11,6 @@ from quadruped_sim.keys import StateName
 from quadruped_sim.leg_controller_node import LegControllerNode, main
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.legs import Legs
-from quadruped_sim.readings import LONGEST_GAP
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -21,6 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_stamp
+from wasd_core.paired import LONGEST_GAP
 from wasd_core.robot_io import JointStates
 from wasd_core.topics import tf_message_type
 

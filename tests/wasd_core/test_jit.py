@@ -243,15 +243,3 @@ def test_a_cache_of_another_user_is_not_used(kernels, refused):
     os.chown(cache, 1234, 1234)
     assert f'{cache} belongs to user 1234' in refused(cache)[1]
     assert refused(cache)[0] == '1 1'  # from the home
-
-
-def test_a_scipy_that_is_installed_is_loaded_in_part_and_still_whole_for_who_wants_it():
-    pytest.importorskip('scipy')
-    words = (
-        'import sys, numpy as np; from wasd_core import jit; import numba;'
-        'f = numba.njit(lambda a, b: a @ b);'
-        'assert (f(np.eye(2), np.ones((2, 2))) == 1.0).all();'
-        'assert "scipy.linalg" not in sys.modules;'
-        'import scipy.linalg; assert (scipy.linalg.expm(np.zeros((2, 2))) == np.eye(2)).all()'
-    )
-    subprocess.run([sys.executable, '-c', words], check=True, timeout=120)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Keeps numba from reading files that another user can write, and from loading what it needs not.
+Keeps numba from reading files that another user can write.
 
 numba reads `.numba_config.yaml` in the current folder, when it is imported and before it compiles,
 and unpickles what lies in its cache: either one runs the code of the user who wrote it.
@@ -9,7 +9,6 @@ and unpickles what lies in its cache: either one runs the code of the user who w
 from collections.abc import Sequence
 import contextlib
 import functools
-import importlib
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 import os
@@ -65,29 +64,6 @@ def _import_numba() -> None:
 
 
 _import_numba()
-
-
-def _load_blas() -> None:
-    """
-    Load BLAS and LAPACK of a scipy that is installed, without the rest of scipy.linalg.
-
-    numba asks for them by name. The rest of it would take a tenth of the time of a start.
-    """
-    scipy, package = PathFinder.find_spec('scipy'), ModuleType('scipy.linalg')
-    if scipy is None or package.__name__ in sys.modules:
-        return
-    package.__path__ = [f'{folder}/linalg' for folder in scipy.submodule_search_locations or ()]
-    sys.modules[package.__name__] = package
-    try:
-        for name in ('cython_blas', 'cython_lapack'):
-            importlib.import_module(f'{package.__name__}.{name}')
-    except ImportError:
-        pass  # numba then says what is wrong with it
-    finally:  # whoever wants all of scipy.linalg gets it
-        del sys.modules[package.__name__]
-
-
-_load_blas()
 
 from numba.core import caching  # noqa: E402
 

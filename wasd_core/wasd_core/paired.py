@@ -9,6 +9,8 @@ from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates
 
 # Of joints and IMU no reading is older than this against the other [s].
 LONGEST_LAG = 0.02
+# After so long without a reading the motors have braked and the robot has sunk [s].
+LONGEST_GAP = 0.3
 
 # What is done with the command that answers a reading.
 Answer = Callable[[JointCommand], None]
