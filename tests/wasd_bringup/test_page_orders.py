@@ -313,3 +313,14 @@ def test_an_elevation_is_mapped_only_of_the_robot_in_turn(run_of):
     run.session.press(SWITCH_KEY)
     run.session.simulation.advance(300)
     assert np.isfinite(mapper.elevation.heights()).any()
+
+
+def test_while_a_stop_holds_the_page_starts_no_other_run(run_of):
+    run = run_of('mbot', 'mbot', latched=True, words=('mbot',))
+    run.session.e_stop('page')
+    run.order('start', 'mbot room')
+    assert run.session.next_words == ()
+    assert run.session.robot.notice.text == 'ENTER releases E-STOP (by the page)'
+    run.session.end_e_stop()
+    run.order('start', 'mbot room')
+    assert run.session.next_words[:3] == ('mbot', '--world', 'room')

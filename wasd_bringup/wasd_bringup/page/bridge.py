@@ -201,7 +201,7 @@ class CockpitBridge:
         elif order.what == 'speed' and math.isfinite(order.value):
             simulation.pacer.speed = min(max(order.value, 0.0), FASTEST)
             simulation.pacer.restart()
-        elif order.what == 'start':
+        elif order.what == 'start' and not self._active.robot.say_if_stopped():
             self.restart.want(*order.name.split(maxsplit=1))
             run.next_words = self.restart.wanted
         elif order.what in ('goal', 'cancel goal', 'explore', 'save map'):

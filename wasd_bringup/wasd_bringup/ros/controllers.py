@@ -57,14 +57,15 @@ class ControllerFace:
 
     def admit(self) -> None:
         """Ask the robot whether a key or a velocity of another process counts."""
-        take = self.robot.take_topic
+        robot = self.robot
 
         def admit_key(topic: str, message: String) -> bool:
-            return take(topic, key=message.data)
+            is_e_stop = robot.heeds_e_stop(message.data, f'topic {topic}')
+            return not is_e_stop and robot.take_topic(topic, key=message.data)
 
         def admit_velocity(twist: Twist) -> bool:
             velocity = twist.linear.x, twist.linear.y, twist.angular.z
-            return take(self.command_topic, velocity=velocity)
+            return robot.take_topic(self.command_topic, velocity=velocity)
 
         for subscription in self.key_inputs:
             subscription.admit = functools.partial(admit_key, subscription.topic)

@@ -25,7 +25,7 @@ from wasd_core.timing import Notice, STOP_KEY
 
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST
-from wasd_bringup.run.inputs import Player, TWIST_RATE, TwistPlayer
+from wasd_bringup.run.inputs import E_STOP_KEY, Player, TWIST_RATE, TwistPlayer
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD
 
@@ -84,6 +84,7 @@ class Robot(ABC):
             self.own_keys = frozenset(self.logic.keymap.keys)
         self._is_mute = False
         self.drivers = Drivers(self.stops, self.latches, holds_stops=options.latched)
+        self.on_e_stop: Callable[[str], None] = self.e_stop  # a run stops all its robots
         complain = logging.getLogger('wasd.simulator').error
         self.sensors = Sensors(loaded, world, SimulatorParameters(lidar=options.lidar), complain)
         simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
@@ -216,8 +217,10 @@ class Robot(ABC):
 
     def press(self, key: str, by: str) -> bool:
         """Press a key for a source, in this instant, and tell listeners; False: it is refused."""
+        if self.heeds_e_stop(key, by):
+            return True
         if not self.drivers.take(by, key=key):
-            self._say_that_it_holds()
+            self.say_if_stopped()
             return False
         self._obey(key, is_pressed=by not in (E_STOP, LOST))
         return True
@@ -225,7 +228,7 @@ class Robot(ABC):
     def drive(self, velocity: Velocity, by: str) -> bool:
         """Command a source's velocity [m/s], [m/s], [rad/s]; False: it is refused."""
         if not self.drivers.take(by, velocity=velocity):
-            self._say_that_it_holds()
+            self.say_if_stopped()
             return False
         self._follow(velocity)
         return True
@@ -247,6 +250,13 @@ class Robot(ABC):
             self._script.end()
         self.let_go()
 
+    def heeds_e_stop(self, key: str, by: str) -> bool:
+        """Return whether a key is the e-stop, which any source may press; if so, stop."""
+        is_e_stop = key == E_STOP_KEY and key not in self.own_keys
+        if is_e_stop:
+            self.on_e_stop(by)
+        return is_e_stop
+
     def let_go(self) -> None:  # noqa: B027  # keys are enough for most
         """Stop faster than keys can, at an e-stop."""
 
@@ -261,7 +271,7 @@ class Robot(ABC):
         if self.drivers.take('topic', **taken, what=f'somebody on {topic}'):
             return True
         self.say(REFUSED.format(topic))
-        self._say_that_it_holds()
+        self.say_if_stopped()
         return False
 
     def mute(self, is_mute: bool) -> None:
@@ -281,6 +291,13 @@ class Robot(ABC):
     def say(self, words: str) -> None:
         """Tell the driver."""
         self.notice.say(words)
+
+    def say_if_stopped(self) -> bool:
+        """Return whether a stop holds; if so, tell the driver how it ends."""
+        stopped_by = self.drivers.stopped_by
+        if stopped_by:
+            self.say(HOLDS.format(stopped_by))
+        return bool(stopped_by)
 
     def reset(self) -> None:
         """Forget the past: commands, ramps, estimates."""
@@ -376,11 +393,6 @@ class Robot(ABC):
         told = (velocity[0], velocity[1], up, velocity[2])
         for tell in self.on_velocity:
             tell(told)
-
-    def _say_that_it_holds(self) -> None:
-        """Tell the user why a source is ignored, if a stop holds."""
-        if self.drivers.stopped_by:
-            self.say(HOLDS.format(self.drivers.stopped_by))
 
     def _step_keys(self, logic: KeysToTwist, dt: float) -> None:
         if not self._is_mute:

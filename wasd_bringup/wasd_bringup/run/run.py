@@ -22,7 +22,6 @@ from wasd_bringup.run.face import Face
 from wasd_bringup.run.inputs import (
     BoxPlayer,
     Command,
-    E_STOP_KEY,
     END_E_STOP_KEY,
     KEY_LINE,
     KeySwitch,
@@ -105,6 +104,7 @@ class Run:
         self._gates: list[Callable[[], bool]] = []  # all must open before time goes on
         self.face = make_face(self) if make_face is not None else Face()
         for robot in self.robots:
+            robot.on_e_stop = self.e_stop
             robot.prepare()
         self.guards = self._make_guards()
         self.navigations = self._make_navigations()
@@ -359,7 +359,7 @@ class Run:
         if self._writer is not None:
             # At the instant that it is in force from: the one that comes next.
             self._writer.write(self.world.time, key)
-        if self._is_for_the_run(key, by):
+        if self._is_for_the_run(key):
             return
         receiver = self.switch.receiver(key)
         if receiver is not None:
@@ -367,14 +367,11 @@ class Run:
         elif self._view is not None:
             self._view.follow(self.world)
 
-    def _is_for_the_run(self, key: str, by: str) -> bool:
+    def _is_for_the_run(self, key: str) -> bool:
         """Handle a key of the run itself; False for any other key."""
         robot = self.robot
         if key in robot.own_keys:
             return False
-        if key == E_STOP_KEY:
-            self.e_stop(by)
-            return True
         if key == END_E_STOP_KEY and robot.drivers.stopped_by:
             self.end_e_stop()
             return True
