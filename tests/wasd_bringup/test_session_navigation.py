@@ -361,6 +361,15 @@ def test_a_goal_of_the_command_line_says_what_it_waits_for(session_of):
 
 
 @pytest.mark.slow
+def test_exploring_of_the_command_line_says_what_it_waits_for(session_of):
+    line = 'maps: exploring waits: press 2 to stand, then 5 to move; any key takes over'
+    dog = session_of('go2', preset='unitree', explore=True)
+    assert navigation(dog).first_line == line
+    dog.simulation.advance(500)
+    assert not navigation(dog).unit.is_exploring
+
+
+@pytest.mark.slow
 def test_a_goal_that_does_not_wait_says_no_such_thing(session_of):
     assert 'waits' not in navigation(session_of(goals=(GOAL,))).first_line
 

@@ -79,8 +79,9 @@ class NavigationDriver:
         what = 'in a map' if is_known else 'maps'
         of_several = ' the selected robot, TAB the one it leaves' * bool(self.robot.world.prefix)
         begin = "click a goal on the page's Map, or send goal_pose"
-        if self._goals and self.robot.refusal:
-            begin = f'the goal waits: {self.robot.refusal.partition(":")[0]}'
+        waits = 'exploring' if self._explores else 'the goal' if self._goals else ''
+        if waits and self.robot.refusal:
+            begin = f'{waits} waits: {self.robot.refusal.partition(":")[0]}'
         return f'{what}: {begin}; any key takes over{of_several}'
 
     def go(self, goal: Sequence[float], from_page: bool = False) -> None:
