@@ -19,7 +19,7 @@ from kinematic import KinematicRobot, RATE, ROBOTS
 import mujoco
 import numpy as np
 from table import format_count, Row
-from wasd_bringup.run.sensing import SWAY
+from wasd_bringup.run.sensing import DRIFT, SWAY
 from wasd_core.errors import UserError
 from wasd_core.rotations import Pose
 from wasd_navigation.guard import Guard
@@ -31,8 +31,11 @@ FIRST_SEED = 4000
 # Full speed (vx, vy, wz), what each robot brakes with, and how large rooms are for it.
 FULL = {'mbot': (1.0, 0.0, 4.0), 'go2': (2.0, 0.8, 2.0)}
 BRAKING = {'mbot': (1.0, 1.0, 5.0), 'go2': (1.6, 1.0, 3.0)}
-# Who walks sways: --guard keeps more around it.
-PARAMETERS = {'mbot': GuardParameters(), 'go2': GuardParameters(footprint_padding=SWAY)}
+# Who walks sways and drifts: --guard keeps more around it.
+PARAMETERS = {
+    'mbot': GuardParameters(),
+    'go2': GuardParameters(footprint_padding=SWAY, drift=DRIFT),
+}
 SPACE = {'mbot': 1.0, 'go2': 1.7}
 # A try takes so long, and each key is held so long [s].
 LONGEST, HELD = 8.0, (0.5, 2.5)

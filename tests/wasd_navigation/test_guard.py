@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from wasd_core.rotations import Pose
-from wasd_navigation.guard import body_of, Guard, time_to_collision
+from wasd_navigation.guard import body_of, Clearance, Guard, time_to_collision
 from wasd_navigation.guard_parameters import GuardParameters
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import Footprint
@@ -42,7 +42,7 @@ def guard_of(points: np.ndarray, footprint: Footprint = ROUND, **values) -> Guar
 
 def time_of(points, footprint, twist, horizon=20.0) -> float:
     points = np.array(points, float)
-    none = np.zeros(len(points))
+    none = Clearance(np.zeros(len(points)), 0.0, 0.0)
     found, _ = time_to_collision(points, none, body_of(footprint), np.array(twist), horizon)
     return found
 
@@ -147,6 +147,42 @@ def test_what_it_does_now_counts_as_well_as_what_is_asked() -> None:
     assert guard.step(asked, at(velocity=(1.0, 0.0, 0.0)), DT).velocity[2] < 0.5
 
 
+def test_what_has_to_be_kept_grows_with_the_way() -> None:
+    # 4 cm beside the way of 1 m to it; the first centimetre of drift is in the padding.
+    beside = np.array(((1.2, 0.24),))
+    twist = np.array((0.5, 0.0, 0.0))
+    for drift, is_met in ((0.03, False), (0.04, False), (0.07, True)):
+        clearance = Clearance(np.zeros(1), drift, 0.01)
+        found, _ = time_to_collision(beside, clearance, body_of(ROUND), twist, 20.0)
+        assert (found < 20.0) == is_met, drift
+    # It is met where what is to be kept is 4 cm: after 0.8 m and what the round front is short of.
+    clearance = Clearance(np.zeros(1), 0.05 / 0.8, 0.01)
+    found, _ = time_to_collision(np.array(((0.8, 0.24),)), clearance, body_of(ROUND), twist, 20.0)
+    assert found == pytest.approx(0.8 / 0.5, rel=0.05)
+
+
+def test_fast_it_does_not_pass_what_its_drift_might_touch_and_slowly_it_does() -> None:
+    # A box to the left, as far off as the padding and 1 cm.
+    box = np.array([(0.9 + 0.02 * index, 0.15 + PADDING + 0.01) for index in range(10)])
+    guard = guard_of(box, LONG, drift=0.05)
+    assert guard.step(np.array((0.3, 0.0, 0.0)), at(), DT).action == ''
+    fast = np.array((2.0, 0.0, 0.0))
+    assert guard.step(fast, at(), DT).action == 'approach'
+    assert guard.step(fast, at(velocity=(2.0, 0.0, 0.0)), DT).velocity[0] == 0.0
+    steady = guard_of(box, LONG, drift=0.0)
+    assert steady.step(fast, at(), DT).action == ''
+
+
+def test_a_turn_that_ends_at_once_must_not_lead_into_anything() -> None:
+    # On its circle about (0, 1) the way is free; straight ahead it is not.
+    post = np.array(((0.62, -0.02), (0.62, 0.02)))
+    now = at(velocity=(0.8, 0.0, 0.8))
+    guard = guard_of(post, Footprint(radius=0.2), time_before_collision=0.1)
+    assert guard.step(np.array((0.8, 0.0, 0.8)), now, DT).velocity[0] < 0.8
+    aside = guard_of(post - (0.0, 0.6), Footprint(radius=0.2), time_before_collision=0.1)
+    assert aside.step(np.array((0.8, 0.0, 0.8)), now, DT).velocity[0] == 0.8
+
+
 def test_a_scan_that_is_too_old_stops_it() -> None:
     guard = guard_of(wall(3.0))
     asked = np.array((0.3, 0.0, 0.0))
@@ -244,6 +280,28 @@ def hold_keys(seed: int, footprint: Footprint, full, guards: bool) -> tuple[floa
         way += DT * math.hypot(vx, vy)
         least = min(least, nearest(points, pose, footprint))
     return least, way
+
+
+def drift_past(box: np.ndarray, drift: float) -> float:
+    """Return the least room [m] of a walk at 2 m/s that drifts to the left, past a box."""
+    guard = Guard(LONG, np.array((1.6, 1.0, 3.0)), GuardParameters(drift=drift))
+    pose, velocity, least = np.zeros(3), np.array((2.0, 0.0, 0.0)), math.inf
+    for _ in range(60):
+        odometry = at(pose, velocity)
+        guard.see(scan_of(transform(inverse(pose), box)), odometry)
+        wanted = guard.step(np.array((2.0, 0.0, 0.0)), odometry, DT).velocity[0]
+        velocity[0] += np.clip(wanted - velocity[0], -1.6 * DT, 1.6 * DT)
+        way = DT * velocity[0]
+        pose = pose + way * np.array((1.0, 0.04, 0.0))
+        least = min(least, nearest(box, pose, LONG))
+    return least
+
+
+def test_a_walk_that_drifts_towards_a_box_does_not_touch_it() -> None:
+    sides = np.arange(0.0, 0.4, 0.02)
+    front = np.column_stack((np.full(len(sides), 2.6), 0.15 + PADDING + 0.05 + sides))
+    assert drift_past(front, 0.0) < 0.0
+    assert drift_past(front, 0.05) > 0.0
 
 
 @pytest.mark.slow

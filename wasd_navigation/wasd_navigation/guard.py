@@ -33,6 +33,8 @@ STRIDE = 0.02
 REST, NO_NEARER = 1e-3, 1e-6
 # Who cannot stop in time goes on no faster than this [m/s].
 SLOW = 0.1
+# After a part of the reaction time it may stop sooner than it is sure to, sideways and in a turn.
+SOONER, SOON = np.array((1.0, 2.0, math.inf)), 1.0 / 3.0
 # What is left of a command is nothing when it is less than this [m/s], [rad/s].
 LEAST = np.array((0.01, 0.01, 0.02))
 # Of all that is asked for, what is tried, most first; between two it is looked so often once more.
@@ -59,6 +61,18 @@ class Body(NamedTuple):
     half_width: float
     radius: float
     reach: float
+
+
+class Clearance(NamedTuple):
+    """
+    What has to be kept from each point, shape (n,) [m], and how that grows with the way.
+
+    It grows by `drift` [m/m], as far as that is more than `spare` [m].
+    """
+
+    keep: np.ndarray
+    drift: float
+    spare: float
 
 
 def body_of(footprint: Footprint) -> Body:
@@ -165,8 +179,10 @@ class Guard:
             return Guarded(asked)
         keep = np.empty(len(points))
         keep_from(points, body, parameters.footprint_padding, keep)
+        # Half of the padding is for the drift of a short way: nobody is locked into a gap.
+        clearance = Clearance(keep, parameters.drift, 0.5 * parameters.footprint_padding)
         ahead, nearest = time_to_collision(
-            points, keep, body, asked, parameters.time_before_collision
+            points, clearance, body, asked, parameters.time_before_collision
         )
         action, share = '', 1.0
         if ahead < parameters.time_before_collision:
@@ -177,7 +193,7 @@ class Guard:
                 'stop': 0.0,
             }
             share = shares[action]
-        share = self._stoppable(points, keep, odometry.velocity, asked, share)
+        share = self._stoppable(points, clearance, odometry.velocity, asked, share)
         velocity = share * asked
         if share == 1.0:
             return Guarded(asked)
@@ -185,8 +201,9 @@ class Guard:
         turned = np.array((*velocity[:2], asked[2]))
         if action != 'stop' and asked[2] != 0.0 and asked[:2].any():
             horizon = parameters.time_before_collision
-            is_far = time_to_collision(points, keep, body, turned, horizon)[0] >= horizon
-            if is_far and self._stoppable(points, keep, odometry.velocity, turned, 1.0) == 1.0:
+            is_far = time_to_collision(points, clearance, body, turned, horizon)[0] >= horizon
+            now = odometry.velocity
+            if is_far and self._stoppable(points, clearance, now, turned, 1.0) == 1.0:
                 velocity = turned
         if (np.abs(velocity) < LEAST).all():
             velocity, action = np.zeros(3), 'stop'
@@ -200,7 +217,8 @@ class Guard:
         time = self._parameters.reaction_time + speed / float(self._braking[:2].min())
         time = max(time, self._parameters.time_before_collision)
         away = np.hypot(points[:, 0], points[:, 1])
-        reach = self._body.reach + self._parameters.footprint_padding + speed * time
+        way = (1.0 + self._parameters.drift) * speed * time
+        reach = self._body.reach + self._parameters.footprint_padding + way
         near = points[away < reach + STRIDE]
         others: np.ndarray = near[room_of(near, self._body) > -OWN]
         return others
@@ -208,7 +226,7 @@ class Guard:
     def _stoppable(
         self,
         points: np.ndarray,
-        keep: np.ndarray,
+        clearance: Clearance,
         velocity: np.ndarray,
         asked: np.ndarray,
         most: float,
@@ -216,13 +234,16 @@ class Guard:
         """Return the largest share up to `most` of a command from which the robot can stop."""
         still = np.zeros(3)
         reaction = self._parameters.reaction_time
+        sure, soon = (self._braking, reaction), (SOONER * self._braking, SOON * reaction)
 
-        def least(now: np.ndarray, wanted: np.ndarray, is_quick: bool, time: float) -> float:
-            how = (self._braking, time, is_quick)
-            return float(least_room(points, keep, self._body, now, wanted, *how))
+        def least(
+            now: np.ndarray, wanted: np.ndarray, is_quick: bool, how: tuple[np.ndarray, float]
+        ) -> float:
+            body = self._body
+            return float(least_room(points, clearance, body, now, wanted, *how, is_quick))
 
         # Who cannot stop in time any more may still do what ends no nearer than a stop.
-        enough = min(0.0, least(velocity, still, True, 0.0)) - NO_NEARER
+        enough = min(0.0, least(velocity, still, True, (self._braking, 0.0))) - NO_NEARER
         slow = SLOW / np.array((1.0, 1.0, self._body.reach))
         goes_on = bool(((asked * velocity > 0.0) & (np.abs(velocity) > slow)).any())
 
@@ -230,13 +251,13 @@ class Guard:
             wanted = share * asked
             if goes_on and enough < -NO_NEARER:
                 return False
-            if least(still, wanted, True, reaction) < -NO_NEARER:
+            if least(still, wanted, True, sure) < -NO_NEARER:
                 return False
             # The next command may be a stop: a turn that is broken off leads elsewhere.
             return all(
-                least(velocity, wanted, is_quick, time) >= enough
+                least(velocity, wanted, is_quick, how) >= enough
                 for is_quick in (True, False)
-                for time in (reaction, reaction / 3.0)
+                for how in (sure, soon)
             )
 
         if most > 0.0 and is_clear(most):
@@ -312,8 +333,16 @@ def keep_from(points: np.ndarray, body: Body, padding: float, keep: np.ndarray) 
 
 
 @jit
+def _still_to_keep(clearance: Clearance, index: int, way: float) -> float:
+    """Return what has to be kept from a point after a way [m]."""
+    growth = max(0.0, clearance.drift * way - clearance.spare)
+    kept: float = clearance.keep[index] + growth
+    return kept
+
+
+@jit
 def time_to_collision(
-    points: np.ndarray, keep: np.ndarray, body: Body, twist: np.ndarray, horizon: float
+    points: np.ndarray, clearance: Clearance, body: Body, twist: np.ndarray, horizon: float
 ) -> tuple[float, int]:
     """
     Return the time [s] after which a constant twist meets a point, and which; `horizon`: none.
@@ -321,19 +350,21 @@ def time_to_collision(
     The footprint is swept along the curve of the twist; of two looks the second meets, the time is
     in between.
     """
-    speed = math.hypot(twist[0], twist[1]) + abs(twist[2]) * body.reach
+    pace = math.hypot(twist[0], twist[1])
+    speed = pace + abs(twist[2]) * body.reach
     step = min(STRIDE / max(speed, 1e-6), horizon)
+    nearer = STRIDE * (1.0 + clearance.drift)
     count = int(math.ceil(horizon / step))
     first, which = horizon, -1
     for index in range(points.shape[0]):
-        before = _room(points[index, 0], points[index, 1], body) - keep[index]
+        before = _room(points[index, 0], points[index, 1], body) - clearance.keep[index]
         # No point comes nearer faster than the fastest part of the footprint.
-        number = 1 + max(0, int(before / STRIDE) - 1)
+        number = 1 + max(0, int(before / nearer) - 1)
         before_at = 0.0
         while number <= count and (number - 1) * step < first:
             at = number * step
             x, y = _seen_from(points[index, 0], points[index, 1], twist, at)
-            room = _room(x, y, body) - keep[index]
+            room = _room(x, y, body) - _still_to_keep(clearance, index, pace * at)
             if room < -NO_NEARER:
                 met = before_at
                 if before > 0.0:
@@ -342,7 +373,7 @@ def time_to_collision(
                     first, which = met, index
                 break
             before, before_at = room, at
-            number += 1 + max(0, int(room / STRIDE) - 1)
+            number += 1 + max(0, int(room / nearer) - 1)
     return first, which
 
 
@@ -362,7 +393,7 @@ def _seen_from(x: float, y: float, twist: np.ndarray, time: float) -> tuple[floa
 @jit
 def least_room(
     points: np.ndarray,
-    keep: np.ndarray,
+    clearance: Clearance,
     body: Body,
     velocity: np.ndarray,
     asked: np.ndarray,
@@ -380,10 +411,11 @@ def least_room(
     for axis in range(3):
         is_on = velocity[axis] * asked[axis] >= 0.0 and abs(asked[axis]) > abs(velocity[axis])
         now[axis] = asked[axis] if is_on and is_quick else velocity[axis]
-    x = y = yaw = passed = 0.0
+    x = y = yaw = passed = way = 0.0
     least = math.inf
     for index in range(points.shape[0]):
-        least = min(least, _room(points[index, 0], points[index, 1], body) - keep[index])
+        room = _room(points[index, 0], points[index, 1], body)
+        least = min(least, room - clearance.keep[index])
     while passed < reaction or max(max(abs(now[0]), abs(now[1])), abs(now[2])) > REST:
         speed = math.hypot(now[0], now[1]) + abs(now[2]) * body.reach
         dt = min(STRIDE / max(speed, 1e-6), 0.05)
@@ -403,11 +435,12 @@ def least_room(
         y += (math.sin(half) * now[0] + math.cos(half) * now[1]) * dt
         yaw += now[2] * dt
         passed += dt
+        way += math.hypot(now[0], now[1]) * dt
         cos, sin = math.cos(yaw), math.sin(yaw)
         for index in range(points.shape[0]):
             to_x, to_y = points[index, 0] - x, points[index, 1] - y
-            room = _room(cos * to_x + sin * to_y, cos * to_y - sin * to_x, body) - keep[index]
-            least = min(least, room)
+            room = _room(cos * to_x + sin * to_y, cos * to_y - sin * to_x, body)
+            least = min(least, room - _still_to_keep(clearance, index, way))
         if passed > 10.0:
             break
     return least

@@ -50,6 +50,13 @@ class GuardParameters(Parameters):
         maximum=1.0,
         doc='Clearance around the footprint',
     )
+    drift: float = parameter(
+        0.02,
+        unit='m/m',
+        minimum=0.0,
+        maximum=1.0,
+        doc='Growth of the clearance with the way ahead, beyond half of footprint_padding',
+    )
     reaction_time: float = parameter(
         0.15,
         unit='s',

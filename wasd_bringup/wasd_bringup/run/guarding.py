@@ -12,7 +12,7 @@ from wasd_navigation.records import Scan
 from wasd_navigation.senses import Senses
 
 from wasd_bringup.run.robot import Robot
-from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of, SWAY
+from wasd_bringup.run.sensing import DRIFT, lidar_of, listen_to_lidar, size_of, SWAY
 
 # A command that stays the same is looked at again after so long [s].
 PERIOD = 0.02
@@ -34,8 +34,9 @@ class RobotGuard:
         footprint = footprint_of(*(size | size_of(robot)).values())
         warm_up(footprint)
         self._robot = robot
-        padding = SWAY if len(robot.feet) else GuardParameters().footprint_padding
-        parameters = GuardParameters(footprint_padding=padding)
+        parameters = GuardParameters()
+        if len(robot.feet):
+            parameters = GuardParameters(footprint_padding=SWAY, drift=DRIFT)
         self.unit = Guard(footprint, np.array(robot.braking), parameters)
         self._senses = Senses()
         self._senses.on_scan = self._see

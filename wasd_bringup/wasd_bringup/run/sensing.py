@@ -19,6 +19,8 @@ from wasd_bringup.run.robot import Robot
 SCAN = 'scan'
 # Room that is kept around who walks [m]: the trunk sways, and feet are put beside their places.
 SWAY = 0.06
+# And how much more with each metre that it takes to stop [m/m]: a walk drifts.
+DRIFT = 0.05
 # A robot whose corners stand out no farther than this is called round.
 ROUND = 1.1
 SENSOR_NEEDED = (
