@@ -9,6 +9,7 @@ from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameter
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.motion import base_of, move
 from wasd_navigation.planning.overview import Overview, PLACE, Rooms
+from wasd_navigation.planning.route import Route
 from wasd_navigation.planning.surroundings import EDGE, Surroundings, WINDOW
 from wasd_navigation.records import Grid
 
@@ -159,6 +160,45 @@ def test_a_gap_that_was_entered_is_left(yaw: float, room: float) -> None:
     goal = (*(1.5 * ahead), yaw + 2.0)
     state, _, _ = drive(driver, grid, inside[:3], goal, limits)
     assert state == 'arrived', driver.reason
+
+
+def corridor(length: float) -> Grid:
+    """Return a room with a corridor along x, 45 cm wide, at y = 2.5 cm."""
+    cells = np.zeros((80, 160), np.int8)
+    half = round(0.5 * length / 0.05)
+    cells[:36, 80 - half : 80 + half] = cells[45:, 80 - half : 80 + half] = 100
+    return Grid(cells, 0.05, (-4.0, -2.0))
+
+
+@pytest.mark.parametrize('length', [0.4, 1.0])
+def test_a_robot_in_a_gap_plans_out_with_the_room_that_it_has(length: float) -> None:
+    grid, pose = corridor(length), np.array((0.0, 0.025, 0.0))
+    parameters = PlanningParameters(margin=0.1)  # there are 6 cm on each side
+    surroundings = Surroundings(LONG, parameters)
+    surroundings.take_map(grid, 0, pose[:2])
+    limits = DriveLimits(forward=0.4, backward=0.3, lateral=0.3, yaw=0.5)
+    route = Route(np.array((2.0, 0.0, 0.0)), LONG, base_of(limits), parameters)
+    route.draw(surroundings)
+    while route.is_drawing:
+        route.work(pose, 1 << 40)
+    # No metre of it is so dear as one on which it has to find out of where nobody may be.
+    assert route.left(pose) < 3.0 * 2.0
+
+
+def test_a_robot_that_comes_where_no_way_was_drawn_from_draws_one_through_gaps() -> None:
+    grid, pose = corridor(1.0), np.array((-2.0, 0.0, 0.0))
+    parameters = PlanningParameters(margin=0.1)
+    surroundings = Surroundings(LONG, parameters)
+    surroundings.take_map(grid, 0, pose[:2])
+    limits = DriveLimits(forward=0.4, backward=0.3, lateral=0.3, yaw=0.5)
+    route = Route(np.array((2.0, 0.0, 0.0)), LONG, base_of(limits), parameters)
+    assert surroundings.distances is not None  # measured before, so that nothing is new
+    route.draw(surroundings)
+    route.work(np.array((1.0, 0.0, 0.0)), 1 << 40)
+    assert route.left(pose) == math.inf
+    for _ in range(40):
+        left = route.keep_up(surroundings, pose, 0.05)
+    assert left < math.inf
 
 
 @pytest.mark.parametrize('cells', range(368, 376))

@@ -135,17 +135,29 @@ class Route:
             self._now.work(pose, budget)
 
     def _look_beyond(self, pose: np.ndarray) -> None:
-        """Where no way leads, draw once more: one may lead around, or through a narrow gap."""
+        """
+        Where no way leads, draw once more: one may lead around, or through a narrow gap.
+
+        A robot that stands in such a gap leaves it as it came in.
+        """
         around = self._around
-        if around is None or self.left(pose) < math.inf:
+        if around is None:
             return
-        if around.is_windowed and self._overview is None:
+        is_open = self.left(pose) < math.inf
+        if not is_open and around.is_windowed and self._overview is None:
             self._is_cut_off = True
-        elif self._kept > IN_GAP:
+        elif self._kept > IN_GAP and not (is_open and self._has_room(around, pose)):
             self._kept = IN_GAP
         else:
             return
         self.draw(around)
+
+    def _has_room(self, around: Surroundings, pose: np.ndarray) -> bool:
+        """Whether a long robot at a pose is as far from the map's obstacles as its way keeps."""
+        circles, needed = self._footprint.circles, self._kept * self._parameters.margin
+        if self._footprint.is_circle:
+            return True
+        return bool(clearance(around.distances_of_map, circles, pose, needed) >= needed)
 
     def _way_from(self, drawing: Drawing, pose: np.ndarray) -> np.ndarray:
         """Return a way from a pose by a drawing; beyond what is looked at, by the overview."""
@@ -201,6 +213,8 @@ class Route:
         left = self.left(pose)
         if left < math.inf:
             self.lead_from(pose)
+        elif not self.is_drawing:
+            self._look_beyond(pose)
         return left
 
     @property

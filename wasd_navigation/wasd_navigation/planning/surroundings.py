@@ -292,6 +292,11 @@ class Surroundings:
         return self._distances
 
     @property
+    def distances_of_map(self) -> Field:
+        """How far it is to the nearest obstacle of the map alone; one layer."""
+        return self.field_of(self._of_map[None])
+
+    @property
     def prices(self) -> tuple[float, float, float]:
         """
         Room beyond which there is no more than enough [m], and what a metre costs more.
