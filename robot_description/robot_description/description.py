@@ -22,7 +22,7 @@ from robot_description.morphology.quadruped import (
 )
 from robot_description.morphology.wheels import ANY_WHEELS, Drive, find_drive, WheelChoice
 from robot_description.packages import description_path
-from robot_description.robot import credible_inertias, impossible_inertias, Robot
+from robot_description.robot import absurd_size, credible_inertias, impossible_inertias, Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro import expand_document
 
@@ -149,7 +149,7 @@ def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Des
         robot, lines = credible_inertias(parse_urdf(urdf))
         meshes = open_meshes(robot, resolve_meshes(robot, path, search))
         robot = with_stand_ins(replace(robot, mesh_files=meshes.files), meshes.is_usable)
-        return Description(path, urdf, robot, meshes, (*robot.notes, *lines))
+        return Description(path, urdf, robot, meshes, (*robot.notes, *lines, *absurd_size(robot)))
     except DescriptionError as error:
         raise DescriptionError(f'{path}: {error}') from None
 

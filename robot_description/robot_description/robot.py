@@ -8,12 +8,14 @@ from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from wasd_core.rotations import axis_angle, IDENTITY, Origin, Pose
+from wasd_core.rotations import axis_angle, IDENTITY, NO_ORIGIN, Origin, Pose
 
 Colour = tuple[float, ...]
 # The colour of what has none, or none that is valid.
 GREY = (0.7, 0.7, 0.7, 1.0)
 MOVABLE = ('revolute', 'continuous', 'prismatic')
+# What has stops at both ends.
+LIMITED = ('revolute', 'prismatic')
 JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
 # A root link of this name is no part of the robot: what hangs on it does not float.
 WORLD_LINK = 'world'
@@ -30,6 +32,8 @@ SMALLEST_RADIUS = 1e-4
 WORTH_SAYING = 1e-3
 # A link whose radius of gyration is so many times as long as its robot is no link of it.
 ABSURD = 10.0
+# A robot reaches no less and no further from its root than this [m].
+SHORTEST, LONGEST = 0.01, 30.0
 # Nothing to MuJoCo, whose limit is lower by two digits [kg m^2].
 SMALLEST_MOMENT = 1e-12
 
@@ -155,6 +159,15 @@ class Robot:
     def mass(self) -> float:
         """Sum of the link masses [kg]."""
         return sum(link.mass for link in self.links.values())
+
+    @cached_property
+    def reach(self) -> float:
+        """About how far links and primitives reach from the root [m], joints at 0."""
+        return max(
+            float(np.linalg.norm((pose @ shape.pose).position)) + float(np.linalg.norm(shape.size))
+            for name, pose in self.rest_poses.items()
+            for shape in (Shape('', (), NO_ORIGIN, False), *self.links[name].shapes)
+        )
 
     @property
     def is_fixed(self) -> bool:
@@ -296,6 +309,13 @@ def impossible_inertias(robot: Robot) -> tuple[str, ...]:
         for link in robot.links.values()
         if link.mass > 0.0 and _smallest_share(link.inertia) < -WORTH_SAYING
     )
+
+
+def absurd_size(robot: Robot) -> tuple[str, ...]:
+    """Return a line about the robot's size, if its lengths can hardly be in metres."""
+    if robot.reach == 0.0 or SHORTEST <= robot.reach <= LONGEST:
+        return ()
+    return (f'the robot reaches {robot.reach:.3g} m from its root: check units, URDF has metres',)
 
 
 def credible_inertias(robot: Robot) -> tuple[Robot, tuple[str, ...]]:

@@ -13,7 +13,17 @@ from wasd_core.rotations import Origin, rpy_matrix
 from wasd_core.safe_files import check_xml
 
 from robot_description.morphology import hint_at
-from robot_description.robot import Colour, GREY, Joint, JOINT_KINDS, Link, MOVABLE, Robot, Shape
+from robot_description.robot import (
+    Colour,
+    GREY,
+    Joint,
+    JOINT_KINDS,
+    LIMITED,
+    Link,
+    MOVABLE,
+    Robot,
+    Shape,
+)
 
 # Attributes that give a primitive's size, in URDF's order, and how many numbers they are.
 SIZES = {
@@ -180,6 +190,11 @@ def _notes(tree: ElementTree.Element) -> Iterator[str]:
             f'joints without an axis turn about x, as URDF has it: '
             f'{", ".join(without[:MOST_NAMES])}{more}'
         )
+    for joint in moving:
+        lower, upper = (_number(joint.find('limit'), end, '0', '') for end in ('lower', 'upper'))
+        if joint.get('type') in LIMITED and lower > upper:
+            name = joint.get('name')
+            yield f'joint {name!r}: lower and upper are exchanged ({lower:g}, {upper:g}): swapped'
     for link in tree.findall('link'):
         for mesh in link.iter('mesh'):
             scale = mesh.get('scale', '')
@@ -282,7 +297,8 @@ def _joint(tag: ElementTree.Element) -> Joint:
         raise DescriptionError(f'{where}: type {kind!r}, wanted one of {", ".join(JOINT_KINDS)}')
     limit, dynamics, mimic = tag.find('limit'), tag.find('dynamics'), tag.find('mimic')
     lower, upper = (_number(limit, end, '0', where) for end in ('lower', 'upper'))
-    is_free = kind not in ('revolute', 'prismatic') or limit is None or lower >= upper
+    # Limits of zero are none; exchanged ones are swapped.
+    is_free = kind not in LIMITED or limit is None or lower == upper
     return Joint(
         name=name,
         kind=kind,
@@ -292,8 +308,8 @@ def _joint(tag: ElementTree.Element) -> Joint:
         axis=axis / np.linalg.norm(axis),
         effort=_number(limit, 'effort', '0', where),
         velocity=_number(limit, 'velocity', '0', where),
-        lower=-math.inf if is_free else lower,
-        upper=math.inf if is_free else upper,
+        lower=-math.inf if is_free else min(lower, upper),
+        upper=math.inf if is_free else max(lower, upper),
         damping=_number(dynamics, 'damping', '0', where),
         friction=_number(dynamics, 'friction', '0', where),
         mimics=mimic.get('joint', '') if mimic is not None else '',

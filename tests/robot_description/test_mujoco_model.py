@@ -207,12 +207,17 @@ def test_a_joint_keeps_its_axis_range_damping_and_friction():
     ('kind', 'limit'),
     [
         ('continuous', '<limit lower="-1" upper="1"/>'),
-        ('revolute', '<limit lower="1" upper="-1"/>'),
+        ('revolute', '<limit lower="0" upper="0"/>'),
         ('revolute', ''),
     ],
 )
 def test_a_joint_without_limits_has_none(kind, limit):
     assert not hinge(kind, limit)[1].limited[0]
+
+
+def test_exchanged_limits_are_swapped():
+    text = '<limit lower="1" upper="-2"/>'
+    np.testing.assert_array_equal(hinge(inside=text)[1].range, [-2.0, 1.0])
 
 
 def test_one_limit_alone_is_from_or_to_zero():

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 from robot_description.describe_command import main
-from robot_description.robot import GREY
+from robot_description.robot import absurd_size, GREY
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 from wasd_core.rotations import axis_angle, IDENTITY, rpy_matrix
@@ -265,3 +265,27 @@ def test_axes_that_are_left_out_are_x_and_noted():
     assert parsed.notes == (
         'joints without an axis turn about x, as URDF has it: continuous, revolute',
     )
+
+
+def test_limits_that_are_exchanged_are_swapped_and_noted():
+    joint = (
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+        '<limit lower="0.6" upper="-0.5" effort="1" velocity="1"/></joint><link name="b"/>'
+    )
+    parsed = parse_urdf(robot('a', rest=joint))
+    assert (parsed.joints['j'].lower, parsed.joints['j'].upper) == (-0.5, 0.6)
+    assert parsed.notes == ("joint 'j': lower and upper are exchanged (0.6, -0.5): swapped",)
+
+
+@pytest.mark.parametrize(
+    ('edge', 'line'),
+    [
+        (1e-4, 'the robot reaches 0.000173 m from its root: check units, URDF has metres'),
+        (0.5, ''),
+        (500.0, 'the robot reaches 866 m from its root: check units, URDF has metres'),
+    ],
+)
+def test_a_size_that_no_robot_has_is_said(edge: float, line: str) -> None:
+    box = f'<collision><geometry><box size="{edge} {edge} {edge}"/></geometry></collision>'
+    parsed = parse_urdf(f'<robot name="r"><link name="a">{box}</link></robot>')
+    assert absurd_size(parsed) == ((line,) if line else ())

@@ -13,7 +13,7 @@ from robot_description.lint.rules import Finding, finding
 from robot_description.morphology import OPPOSITE, part, sides, words
 from robot_description.morphology.rollers import find_rollers, is_on_leg
 from robot_description.morphology.tyre import imbalance, is_unbalanced
-from robot_description.robot import Robot
+from robot_description.robot import absurd_size, Robot
 from robot_description.urdf import INERTIA_COMPONENTS
 
 # Osmium has 22 590 kg/m^3; shapes are drawn a little small.
@@ -88,6 +88,12 @@ def check_massless(model: Model, robot: Robot) -> Iterator[Finding]:
         else:
             text = f'link {name!r} moves by {model.joint_above[name].name!r} and has no mass'
             yield finding('no-mass', link.place, text)
+
+
+def check_size(model: Model, robot: Robot) -> Iterator[Finding]:
+    """Its lengths are those of a robot."""
+    for line in absurd_size(robot):
+        yield finding('absurd-size', model.robot.place, line.partition(':')[0])
 
 
 def check_balance(model: Model, robot: Robot) -> Iterator[Finding]:

@@ -116,6 +116,8 @@ RULES = {
         Rule('bad-mass', ERROR, 'a mass is negative, or zero on a link that moves', 'weigh it'),
         Rule('absurd-mass', WARNING, 'a link is denser than any metal, or has a million kilograms',
              'check units: kilograms and metres'),
+        Rule('absurd-size', WARNING, 'a robot of less than a centimetre, or more than 30 metres',
+             'check units: URDF is in metres'),
         Rule('bad-inertia', ERROR, 'an impossible inertia: not positive definite',
              'compute it from mass and shape'),
         Rule('inertia-triangle', ERROR,

@@ -100,6 +100,7 @@ def lint_session(session: XacroSession, expected_joints: Sequence[str] = ()) -> 
                 found.append(finding('not-readable', model.robot.place, str(error)))
         else:
             found += islice(geometry.check_massless(model, robot), MOST_FINDINGS)
+            found += geometry.check_size(model, robot)
             found += _check_meshes(model, robot, session.sources)
     return _in_order(_causes([*found, *_check_macro_calls(session.sources)]))
 

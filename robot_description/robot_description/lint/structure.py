@@ -12,7 +12,7 @@ from wasd_core.safe_files import Place
 from robot_description.lint.model import Element, end, Model, MOVING_KINDS
 from robot_description.lint.rules import Finding, finding
 from robot_description.morphology import guess_name, hint_at, sides, words
-from robot_description.robot import MOVABLE, WORLD_LINK
+from robot_description.robot import LIMITED, MOVABLE, WORLD_LINK
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.
 CHILDREN = {
@@ -266,11 +266,11 @@ def _almost_joints(model: Model) -> list[Element]:
 def _check_limit(joint: Element, kind: str) -> Iterator[Finding]:
     limit = joint.find('limit')
     if limit is None:
-        if kind in ('revolute', 'prismatic'):
+        if kind in LIMITED:
             text = f'{kind} joint {joint.name!r} has no <limit>'
             yield finding('missing-limit', joint.place, text)
         return
-    if kind in ('revolute', 'prismatic', 'continuous'):
+    if kind in MOVABLE:
         missing = [name for name in ('effort', 'velocity') if name not in limit.attributes]
         if missing:
             text = f'the limit of joint {joint.name!r} has no {" and no ".join(missing)}'

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from wasd_core.rotations import NO_ORIGIN
 
 from robot_description.meshes.load import extent
 from robot_description.meshes.resolver import (
@@ -36,9 +35,8 @@ LEAST_AREA = 1e-9
 
 def open_meshes(robot: Robot, report: MeshReport) -> MeshReport:
     """Return what is known of a robot's meshes after a look into their files."""
-    reach = _reach(robot)
     records = [
-        _opened(record, shape, reach)
+        _opened(record, shape, robot.reach)
         for record, (shape, _) in zip(report.records, mesh_shapes(robot), strict=True)
     ]
     whole = MeshReport(tuple(records))
@@ -112,15 +110,6 @@ def _with_stand_in(record: MeshRecord, link: Link, report: MeshReport) -> MeshRe
     stands_in = bool(colliding(link, report.is_usable))
     instead = 'what is drawn collides instead' if stands_in else 'nothing collides there'
     return replace(record, instead=instead)
-
-
-def _reach(robot: Robot) -> float:
-    """Return about how far links and primitives reach from the root [m], joints at 0."""
-    return max(
-        float(np.linalg.norm((pose @ shape.pose).position)) + float(np.linalg.norm(shape.size))
-        for name, pose in robot.rest_poses.items()
-        for shape in (Shape('', (), NO_ORIGIN, False), *robot.links[name].shapes)
-    )
 
 
 def with_stand_ins(robot: Robot, is_usable: Callable[[Shape], bool]) -> Robot:

@@ -136,10 +136,11 @@ def is_on_leg(roller: Roller, robot: Robot) -> bool:
 
 def steered_by(roller: Roller, rollers: Sequence[Roller], robot: Robot) -> Joint | None:
     """
-    Return the joint that steers a part: about z, with less than a turn of room, and by a motor.
+    Return the joint that steers a part: about z, and by a motor.
 
-    None of a caster, which swivels all around, or has no motor; of what carries all that the robot
-    rolls on, as a waist does; of the end of a leg.
+    It has less than a turn of room, or what it carries is as large as any other part, and stands
+    under its axis. None of a caster, which swivels all around, or has no motor; of what carries
+    all that the robot rolls on, as a waist does; of the end of a leg.
     """
     joint = turned_by(roller, robot)
     if joint is None or is_on_leg(roller, robot) or carries_all(joint, rollers):
@@ -148,7 +149,8 @@ def steered_by(roller: Roller, rollers: Sequence[Roller], robot: Robot) -> Joint
     if said & CASTER_WORDS or _is_loose(joint, roller, rollers, robot):
         return None
     has_stops = joint.upper - joint.lower < STEERING_RANGE
-    return joint if has_stops or said & STEER_WORDS else None
+    is_one = has_stops or said & STEER_WORDS or _stands_under(joint, roller, rollers, robot)
+    return joint if is_one else None
 
 
 def turned_by(roller: Roller, robot: Robot) -> Joint | None:
@@ -166,5 +168,16 @@ def _is_loose(joint: Joint, roller: Roller, rollers: Sequence[Roller], robot: Ro
     """Whether no motor turns a joint, where others have one or what it carries trails."""
     if joint.effort > 0.0:
         return False
+    return any(each.joint.effort > 0.0 for each in rollers) or _trail(joint, roller, robot) > TRAIL
+
+
+def _stands_under(joint: Joint, roller: Roller, rollers: Sequence[Roller], robot: Robot) -> bool:
+    """Whether a motor turns a part as large as any, right under its axis: no caster is so."""
+    is_large = roller.radius >= (1.0 - OFF_RADIUS) * max(each.radius for each in rollers)
+    return joint.effort > 0.0 and is_large and _trail(joint, roller, robot) <= TRAIL
+
+
+def _trail(joint: Joint, roller: Roller, robot: Robot) -> float:
+    """Return how far a part is from the upright axis that turns it [m]."""
     off = (roller.position - robot.rest_poses[joint.child].position)[:2]
-    return any(each.joint.effort > 0.0 for each in rollers) or float(np.hypot(*off)) > TRAIL
+    return float(np.hypot(*off))

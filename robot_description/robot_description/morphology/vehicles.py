@@ -74,6 +74,9 @@ def _steered(robot: Robot, rollers: Sequence[Roller]) -> str:
     steers = f'{steering[0]} steers'
     if len(steering) > 1:
         return f'a car (Ackermann: {steers} a wheel)'
+    axle = [name for name, joint in by.items() if joint is not None]
+    if len(axle) > 1:
+        return f'an articulated vehicle ({steers} {" and ".join(axle)} together)'
     return f'a {"tricycle" if len(held) > 1 else "bicycle"} ({steers} its wheel)'
 
 
