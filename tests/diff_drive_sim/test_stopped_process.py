@@ -77,9 +77,8 @@ class Drive:
         self.speeds.append((self.world.time, float(abs(wheels).max()) * RADIUS))
 
 
-@pytest.mark.parametrize('still_sent', [0.0, 0.5])
 # Longer than a command counts [s], and longer than anything here has patience with it.
-@pytest.mark.parametrize('stopped', [1.0, 6.0])
+@pytest.mark.parametrize(('stopped', 'still_sent'), [(1.0, 0.0), (6.0, 0.5)])
 def test_a_drive_that_was_stopped_stands_when_it_goes_on(
     spawn, spin_until, controller, stopped, still_sent
 ):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An option that is given what it cannot use says so in one line, whatever that is."""
 
+import json
 import os
 from pathlib import Path
 import shutil
@@ -94,12 +95,23 @@ def test_all_other_options_know_none_of_that(option, places, capsys):
             assert_one_line(capsys, [robot, *RUN, f'{option}={value}'])
 
 
-@pytest.mark.parametrize('name', ['', 'x'])
-@pytest.mark.parametrize('option', (*PATHS, *SCRIPTS, *OUTPUTS))
-def test_a_folder_that_one_may_not_enter(option, name, tmp_path):
+# Runs what each argument asks for, and says how that ended and what was said.
+EACH = """
+import contextlib, io, json, sys
+from wasd_bringup.cli import main
+for words in map(json.loads, sys.argv[1:]):
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        status = main(words)
+    print(json.dumps([status, said.getvalue()]))
+"""
+
+
+def test_a_folder_that_one_may_not_enter(tmp_path):
     forbidden = tmp_path / 'forbidden'
     forbidden.mkdir(mode=0o000)
-    words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, option, str(forbidden / name)]
+    asked = [(option, name) for option in (*PATHS, *SCRIPTS, *OUTPUTS) for name in ('', 'x')]
+    runs = [json.dumps(['mbot', *RUN, option, str(forbidden / name)]) for option, name in asked]
+    words = [sys.executable, '-c', EACH, *runs]
     if os.geteuid() == 0:
         if shutil.which('setpriv') is None:
             pytest.skip('root may enter any folder')
@@ -107,10 +119,11 @@ def test_a_folder_that_one_may_not_enter(option, name, tmp_path):
         powers = '-dac_override,-dac_read_search'
         words = ['setpriv', f'--bounding-set={powers}', f'--inh-caps={powers}', *words]
     done = subprocess.run(words, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2, done.stderr
-    assert len(done.stderr.splitlines()) == 1, done.stderr
-    if name or option == '--package-path':  # no folder is what the others want
-        assert 'Permission denied' in done.stderr
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    for (option, name), (status, said) in zip(asked, answers, strict=True):
+        assert (status, len(said.splitlines())) == (2, 1), said
+        if name or option == '--package-path':  # no folder is what the others want
+            assert 'Permission denied' in said
 
 
 @pytest.mark.parametrize('option', ['--description', '--gamepad'])

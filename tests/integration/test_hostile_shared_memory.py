@@ -26,6 +26,7 @@ STATES = {
     'full': 'head -c 16m /dev/zero >/dev/shm/file;',
 }
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT)
+REACHES = ('LOCALHOST', 'OFF', 'SUBNET')
 PATIENCE = 60.0
 
 pytestmark = [
@@ -53,8 +54,10 @@ def start(state: str, words: list[str]) -> Iterator['subprocess.Popen[str]']:
             process.kill()
 
 
-@pytest.mark.parametrize('reach', ['', 'LOCALHOST', 'OFF', 'SUBNET'])
-@pytest.mark.parametrize('state', STATES)
+@pytest.mark.parametrize(
+    ('state', 'reach'),
+    [*((state, '') for state in STATES), *(('empty locks', reach) for reach in REACHES)],
+)
 def test_a_run_says_in_a_line_what_is_wrong_and_goes_without_it_where_that_can_be(
     state, reach, monkeypatch
 ):
@@ -72,8 +75,14 @@ def test_a_run_says_in_a_line_what_is_wrong_and_goes_without_it_where_that_can_b
         assert errors.startswith('wasd: uses UDP instead of shared memory: /dev/shm')
 
 
-@pytest.mark.parametrize('number', STOPS)
-@pytest.mark.parametrize('state', [state for state in STATES if state != 'full'])
+@pytest.mark.parametrize(
+    ('state', 'number'),
+    [
+        *(('nearly full', number) for number in STOPS),
+        ('empty ports of another user', signal.SIGINT),
+        ('empty locks', signal.SIGTERM),
+    ],
+)
 def test_each_signal_ends_a_run_that_found_it(state, number):
     with start(state, [*RUN, '1000']) as run:
         assert run.stderr is not None

@@ -11,8 +11,8 @@ pytestmark = pytest.mark.slow
 
 # Keys that make it follow velocities, and for how long it does what they say [s]; options.
 WALKERS = {
-    'model': ((('2', 2.5), ('5', 0.5)), {}),
-    'network': ((('2', 2.5), ('p', 1.0)), {'policy': 'ours'}),
+    'model': ((('2', 2.0), ('5', 0.3)), {}),
+    'network': ((('2', 2.0), ('p', 0.3)), {'policy': 'ours'}),
 }
 # What happens, the state that is left, and how far it goes on at most [m].
 WAYS = {
@@ -40,7 +40,7 @@ def test_at_a_metre_a_second_it_stops(walker, way):
             run.press(key)
             advance(seconds)
         walks = run.robot.state
-        for _ in range(60):
+        for _ in range(50):
             run.robot.drive((1.0, 0.0, 0.0), 'page')
             advance(0.05)
         assert math.hypot(*world.base().planar_velocity[:2]) > 0.85

@@ -104,13 +104,15 @@ def test_a_program_makes_the_robot_stand_by_its_motors(rig):
     ]
 
 
-HOSTILE = {
-    'wrong checksum': lambda tick: [low_cmd(q=1.0, kp=60.0, is_sealed=False)],
-    'no number': lambda tick: [low_cmd(q=math.nan, kp=60.0)],
-    'half a message': lambda tick: [low_cmd(tau=20.0)[: 4 * (tick % 203)]],
-    'negative gain': lambda tick: [low_cmd(kp=-60.0)],
-    'noise': lambda tick: [np.random.default_rng(tick).bytes(812)],
-}
+def hostile(tick):
+    """Return a wrong checksum, no number, half a message, a negative gain, noise."""
+    return [
+        low_cmd(q=1.0, kp=60.0, is_sealed=False),
+        low_cmd(q=math.nan, kp=60.0),
+        low_cmd(tau=20.0)[: 4 * (tick % 203)],
+        low_cmd(kp=-60.0),
+        np.random.default_rng(tick).bytes(812),
+    ]
 
 
 @pytest.fixture(scope='module')
@@ -119,13 +121,11 @@ def undisturbed():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('kind', HOSTILE)
 @pytest.mark.parametrize('is_last', [False, True])
-def test_what_is_wrong_changes_no_torque_and_is_said_once(kind, is_last, undisturbed):
+def test_what_is_wrong_changes_no_torque_and_is_said_once(is_last, undisturbed):
     rig = Rig()
     if is_last:
         # It comes after the right command of each instant, and takes its place in the queue.
-        wrong = HOSTILE[kind]
         rig.run(DT)
         start, efforts = positions(rig.low_state), []
         for tick in range(1000):
@@ -133,16 +133,16 @@ def test_what_is_wrong_changes_no_torque_and_is_said_once(kind, is_last, undistu
             rig.command(low_cmd((1.0 - share) * start + share * STANDING, kp=60.0, kd=5.0))
             rig.run(DT)
             efforts.append(rig.efforts)
-            for raw in wrong(tick):
+            for raw in hostile(tick):
                 assert not rig.go2.bridge.low.take(raw, lambda: True)
     else:
-        efforts = rig.stand_by_motors(2.0, each=HOSTILE[kind])
+        efforts = rig.stand_by_motors(2.0, each=hostile)
         # Only the last of an instant is looked at: what is wrong before it is not even read.
         assert rig.go2.bridge.low.refused == 0
     assert np.abs(np.array(efforts) - undisturbed).max() <= 0.1
     complaints = [line for line in rig.said if 'ignored' in line]
     assert len(complaints) == (len(set(complaints)) if is_last else 0)
-    assert len(complaints) <= 2
+    assert len(complaints) <= 6
 
 
 @pytest.mark.slow

@@ -132,9 +132,9 @@ def test_every_call_of_the_sport_client_is_answered(simulate, program):
 def test_in_sync_a_busy_machine_changes_no_sample(simulate, program):
     simulate('--sync')
     quiet = program('in_sync', '600')['samples']
+    simulate('--sync')
     loops = [subprocess.Popen([sys.executable, '-c', BUSY]) for _ in range(2)]
     try:
-        simulate('--sync')
         busy = program('in_sync', '600')['samples']
     finally:
         for loop in loops:
