@@ -27,11 +27,10 @@ from typing import Any
 
 from diff_drive_sim.parameters import DiffDriveParameters
 from experiment import FIRST_SEED
-from quadruped_sim.controller_file import KIND
 from quadruped_sim.parameters import LegControllerParameters, LegNodeParameters
 from trials import Run, simulate, Trace
 import wasd
-from wasd_core.parameter_file import read_parameters
+from wasd_core.parameter_file import NodeKind, read_parameters
 from wasd_core.parameters import Known, known_parameters, numeric_ends
 import yaml
 
@@ -107,7 +106,8 @@ def walk(seed: int, *settings: tuple[str, Any]) -> Run:
 
 def walk_by_file(seed: int, name: str, value: Any) -> Run:
     """Return a run of a robot whose file gives a parameter."""
-    read = in_file(name, value, lambda path: read_parameters(path, LegNodeParameters, KIND))
+    kind = NodeKind('leg_controller', 'leg controller')
+    read = in_file(name, value, lambda path: read_parameters(path, LegNodeParameters, kind))
     assert read == {name: value}, f'{read} in place of {value}'
     return Run(
         seed=seed, keys=KEYS, twist=TWIST, duration=DURATION, tunes=((0.0, name, read[name]),)

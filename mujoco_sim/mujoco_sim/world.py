@@ -1,22 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot in a world: built, stepped, read, commanded, or put where it is to be."""
+"""A robot in a world: built, stepped, read, commanded, pushed, or put where it is to be."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
 import math
-from typing import NamedTuple
+import sys
+from typing import NamedTuple, TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from robot_description.description import Description
+from robot_description.mujoco.builder import holding
+from wasd_core.errors import one_line, SimulationError
 from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
 
+from mujoco_sim.boxes import add_boxes, MovingBoxes
 from mujoco_sim.noise import NoisySensors
 from mujoco_sim.parameters import BoxSize, Drawn
-from mujoco_sim.physics import add_boxes, MovingBoxes, Physics
-from mujoco_sim.robot_parts import Actuation, Push, RobotParts
+from mujoco_sim.robot_parts import put_at_start, RobotParts
 from mujoco_sim.robot_setup import robot_spec, RobotSetup
 from mujoco_sim.scene import add_scene, lead_sun
+
+if TYPE_CHECKING:
+    from mujoco_sim.compiled import TorqueSpeedCurve
 
 FALL_TILT = np.deg2rad(60.0)
 # Of an IMU alone.
@@ -24,6 +30,289 @@ _UPRIGHT = Reading(
     JointStates(*np.zeros((3, 0))),
     ImuReading(np.array((1.0, 0.0, 0.0, 0.0)), np.zeros(3), np.zeros(3)),
 )
+# Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
+BRAKE_DAMPING = 3.0
+# ... but at most this share of what stops a joint within one physics step: motor torques are
+# integrated explicitly, which diverges beyond 2 and rings beyond 1.
+STABLE_SHARE = 0.5
+# The warnings of MuJoCo that say so, of positions to accelerations.
+_DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+# How these begin; `Physics.step` says it in words of its own.
+_UNSTABLE = 'Nan, Inf or huge value'
+
+
+class Push(NamedTuple):
+    """
+    A world-frame force [N], shape (3,), and its duration [s].
+
+    It acts at a point of the root's frame [m], shape (3,), or else at the centre of mass.
+    """
+
+    force: np.ndarray
+    duration: float
+    point: np.ndarray | None = None
+
+
+class Actuation:
+    """
+    The actions on one robot in a model: its start, the command and the present pushes.
+
+    It is told the tick; a command takes effect after the setup's delay.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, parts: RobotParts, setup: RobotSetup
+    ) -> None:
+        self._model, self._data = model, data
+        self._parts, self._setup = parts, setup
+        self._motors = parts.motors
+        self._motor_velocity = parts.velocity[parts.motor_joint]
+        self._holds = self._find_holds()
+        self.rejected_commands = 0
+        self.is_kinematic = False
+        self._time_step = float(model.opt.timestep)
+        self._command_shape = (5, len(parts.motor_names))
+        self._delay = round(setup.command_delay / self._time_step)
+        strength = setup.drawn.strength
+        self._strength = np.array([strength.get(name, 1.0) for name in parts.motor_names])
+        self._curve = self._torque_speed_curve()
+        # Views on MuJoCo's own memory: to ask for them at every step costs more than to use them.
+        self._velocities = data.qvel
+        self._controls = data.ctrl[self._motors]
+        self._gains = model.actuator_biasprm[self._motors, 1:3]  # -kp, -kd
+        self._force_range = model.actuator_forcerange[self._motors]
+        self._effort = data.actuator_force[self._motors]
+        self._peak_effort, self._unread = np.zeros((2, len(parts.motor_names)))
+        # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
+        stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
+        self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
+
+    def reset(self) -> None:
+        """Begin again at the start of the setup, with limp motors; the state is that of rest."""
+        put_at_start(self._model, self._data, self._parts, self._setup)
+        self._pushes: list[tuple[int, Push]] = []  # each with the tick of its end
+        self._kept_push = np.zeros(3)  # the force without an end
+        self._hung, self._wrench = self._parts.root, np.zeros(6)
+        self._pending: deque[tuple[int, np.ndarray]] = deque()
+        self._put_in_force(np.zeros((5, len(self._parts.motor_names))))
+
+    def take_due(self, tick: int, last: int) -> int:
+        """Put in force the commands that are due; return when one or a push changes, or `last`."""
+        while self._pending and self._pending[0][0] <= tick:
+            self._put_in_force(self._pending.popleft()[1])
+        if self._pending:
+            last = min(last, self._pending[0][0])
+        return min((end for end, _ in self._pushes), default=last) if self._pushes else last
+
+    def drop_ended(self, tick: int) -> None:
+        """Drop the pushes that are over."""
+        if self._pushes:
+            self._pushes = [push for push in self._pushes if push[0] > tick]
+            self._sum_pushes()
+
+    @property
+    def changes_each_step(self) -> bool:
+        """Whether the motors' limits, or the moment of a push, depend on how the robot moves."""
+        return self._curve is not None or any(push.point is not None for _, push in self._pushes)
+
+    def begin_steps(self) -> None:
+        """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
+        if self._curve is not None:
+            self._follow(self._curve, self._unread)
+        if self._pushes:
+            self._sum_pushes()
+
+    def end_step(self) -> None:
+        """Note the largest efforts, and do what comes before the next step."""
+        if self._curve is not None:
+            self._follow(self._curve, self._peak_effort)
+        else:
+            self._note_efforts()
+        if self._pushes:
+            self._sum_pushes()
+
+    def _follow(self, curve: 'TorqueSpeedCurve', peak: np.ndarray) -> None:
+        velocities, motors = self._velocities, self._motor_velocity
+        curve.follow(velocities, motors, self._force_range, self._effort, peak)
+
+    def take_peak_effort(self) -> np.ndarray:
+        """Return the largest effort of each motor since the last call [N m], shape (m,)."""
+        self._note_efforts()
+        peak, self._peak_effort = self._peak_effort, np.zeros_like(self._peak_effort)
+        return peak
+
+    def _note_efforts(self) -> None:
+        np.maximum(self._peak_effort, np.abs(self._effort), out=self._peak_effort)
+
+    def apply(self, command: JointCommand, tick: int) -> bool:
+        """Put a command in force once it is due; return if it was taken, see `World.apply`."""
+        try:
+            stacked = np.array(command, dtype=float)
+        except ValueError:  # parts of different lengths
+            stacked = np.empty(0)
+        if stacked.shape != self._command_shape or not _is_finite(stacked):
+            self.rejected_commands += 1
+            self.brake()
+            return False
+        if self._delay == 0:
+            self._put_in_force(stacked)
+        else:
+            self._pending.append((tick + self._delay, stacked))
+        return True
+
+    def brake(self) -> None:
+        """Let the motors only resist motion; see `World.brake`."""
+        self._pending.clear()
+        kept = -self._gains[:, 1]
+        self._gains[:, 1] = -np.where(kept > 0.0, kept, self._brake_damping)
+        self._gains[:, 0] = 0.0
+        self._controls[:] = 0.0
+
+    def push(self, push: Push, tick: int) -> None:
+        """Add a push to those in force."""
+        self._pushes.append((tick + max(1, round(push.duration / self._time_step)), push))
+        self._sum_pushes()
+
+    def keep_pushing(self, force: np.ndarray) -> None:
+        """Replace the force [N], shape (3,), that has no end; see `World.keep_pushing`."""
+        if not np.array_equal(force, self._kept_push):
+            self._kept_push = force
+            self._sum_pushes()
+
+    def hang(self, body: int, wrench: np.ndarray) -> None:
+        """Replace the wrench that a hoist applies to a body; see `World.hang`."""
+        self._data.xfrc_applied[self._hung] = 0.0
+        self._hung, self._wrench = body, wrench
+        self._sum_pushes()
+
+    def _sum_pushes(self) -> None:
+        data, root = self._data, self._parts.root
+        total = np.zeros(6)
+        total[:3] = self._kept_push
+        for _, push in self._pushes:
+            total[:3] += push.force
+            if push.point is not None:
+                place = data.xpos[root] + data.xmat[root].reshape(3, 3) @ push.point
+                total[3:] += np.cross(place - data.xipos[root], push.force)
+        if self._hung != root:
+            data.xfrc_applied[root] = total
+            total = np.zeros(6)
+        data.xfrc_applied[self._hung] = total + self._wrench
+
+    def _put_in_force(self, command: np.ndarray) -> None:
+        if self._curve is not None:
+            self._curve.command(command, self._strength, self._gains, self._controls)
+        else:  # the same without what compiles: wheels would wait for it at each start
+            np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
+            stiff, damped = command[3:] * command[:2]
+            np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
+        for motor, hold in self._holds:
+            if command[:, motor].any():
+                self._data.eq_active[hold] = False
+
+    def _find_holds(self) -> list[tuple[int, int]]:
+        """Return the motors of held joints, each with the constraint that holds it."""
+        found = []
+        for motor, joint in enumerate(self._parts.motor_names):
+            if joint in self._setup.held:
+                name = self._parts.prefix + holding(joint)
+                found.append((motor, int(self._model.eq(name).id)))
+        return found
+
+    def _torque_speed_curve(self) -> 'TorqueSpeedCurve | None':
+        limits, names = self._setup.speed_limits, self._parts.motor_names
+        if not limits or not all(limits.get(name, math.inf) > 0.0 for name in names):
+            return None
+        # Here, because only legs have such motors, and what compiles takes a while to load.
+        from mujoco_sim.compiled import TorqueSpeedCurve
+
+        torque = self._model.actuator_forcerange[self._motors, 1] * self._strength
+        return TorqueSpeedCurve(torque, np.array([limits.get(name, math.inf) for name in names]))
+
+
+def _is_finite(numbers: np.ndarray) -> bool:
+    # A product tells in one call of most, but overflows where numbers are large.
+    return math.isfinite(float(np.vdot(numbers, numbers))) or bool(np.isfinite(numbers).all())
+
+
+def _warn(text: str) -> None:
+    """Say a warning as MuJoCo does, which would write MUJOCO_LOG.TXT where the user is, too."""
+    if not text.startswith(_UNSTABLE):
+        print(f'WARNING: {text}', file=sys.stderr)
+
+
+class Physics:
+    """
+    A compiled model, its state, its `boxes`, and `tick`, the number of physics steps so far.
+
+    Commands and pushes of the robots begin and end between steps; in between, MuJoCo runs alone.
+    """
+
+    def __init__(self, spec: mujoco.MjSpec) -> None:
+        """
+        Compile the specification; what moves a robot in it is added to `robots`.
+
+        Raises:
+            SimulationError: what the compiler says, in one line.
+        """
+        if mujoco.get_mju_user_warning() is None:
+            mujoco.set_mju_user_warning(_warn)
+        try:
+            self.model = spec.compile()
+        except ValueError as error:
+            raise SimulationError(f'MuJoCo: {one_line(error)}') from None
+        self.data = mujoco.MjData(self.model)
+        self._divergences = self.data.warning.number[_DIVERGED]
+        self.boxes = MovingBoxes(self.model, self.data)
+        self.time_step = float(self.model.opt.timestep)
+        self.tick = 0
+        self.resets = 0
+        # None of them knows us: without a circle, a model is freed with the last who uses it.
+        self.robots: list[Actuation] = []
+
+    def reset(self) -> None:
+        """Put everything back to where it began, at rest; time goes on."""
+        self.resets += 1
+        mujoco.mj_resetData(self.model, self.data)
+        for robot in self.robots:
+            robot.reset()
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, count: int) -> None:
+        """
+        Advance by `count` physics steps.
+
+        Raises:
+            SimulationError: what acts is more than can be solved; MuJoCo has put all back then.
+        """
+        last = self.tick + count
+        while self.tick < last:
+            until = last
+            for robot in self.robots:
+                until = min(until, robot.take_due(self.tick, last))
+            self._advance(until - self.tick)
+            for robot in self.robots:
+                robot.drop_ended(self.tick)
+        if any(self._divergences.tolist()):
+            raise SimulationError(
+                f'the physics diverged at {self.tick * self.time_step:.3f} s: '
+                'a push, a load, a speed or a mass is too large for the simulation'
+            )
+
+    def _advance(self, count: int) -> None:
+        self.tick += count
+        if all(robot.is_kinematic for robot in self.robots):
+            return
+        changing = [robot for robot in self.robots if robot.changes_each_step]
+        if not changing:
+            mujoco.mj_step(self.model, self.data, count)
+            return
+        for robot in changing:
+            robot.begin_steps()
+        for _ in range(count):
+            mujoco.mj_step(self.model, self.data)
+            for robot in changing:
+                robot.end_step()
 
 
 class World:

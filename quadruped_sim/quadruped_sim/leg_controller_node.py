@@ -41,7 +41,6 @@ from wasd_core.topics import (
     TfBroadcaster,
 )
 
-from quadruped_sim.controller_file import read_leg_file
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.elevation_publisher import CloudInput, ElevationPublisher
 from quadruped_sim.leg_controller import LegController
@@ -240,7 +239,7 @@ def _parameters_of_file(node: Node) -> LegNodeParameters:
     """
     given = node._parameter_overrides.get('controller')
     path = '' if given is None else given.value
-    return read_leg_file(path if isinstance(path, str) else '')
+    return LegNodeParameters.from_file(path if isinstance(path, str) else '')
 
 
 def main(args: list[str] | None = None) -> int:

@@ -53,6 +53,7 @@ LIFT_SHARE = 0.5
 # The slowest rate [Hz] at which a Go2 at 2 m/s does not fall with answers that come three states
 # late, which is the most that the simulator allows (benchmarks/state_rates.py); and the physics'.
 RATES = (300.0, 1000.0)
+NAME = 'leg_controller'
 # What belongs to the one who drives or to the wire, not to the body.
 NOT_SCALED = {'timeout'}
 
@@ -126,6 +127,21 @@ class LegNodeParameters(LegControllerParameters):
         '', doc="Frame of the robot that odometry follows; '' is its root link", read_only=True
     )
 
+    @classmethod
+    def from_file(cls, path: str) -> 'LegNodeParameters':
+        """
+        Return the defaults with the values of a YAML file; without a path the defaults.
+
+        Raises:
+            InvalidParameter: what is wrong with the file, with its line.
+        """
+        if not path:
+            return cls()
+        # Here, because it loads YAML, which most do without.
+        from wasd_core.parameter_file import NodeKind, read_parameters
+
+        return cls().changed(read_parameters(path, cls, NodeKind(NAME, 'leg controller')))
+
 
 def scale_parameters(
     params: LegControllerParameters,
@@ -182,7 +198,7 @@ def _scale_group(group: Group, scale: 'Scale') -> Group:
 
 
 leg_controller = Executable(
-    name='leg_controller',
+    name=NAME,
     module='quadruped_sim.leg_controller_node',
     about='Walks a quadruped: keys and cmd_vel in, joint_commands, odom and /tf out.',
     parameters=('quadruped_sim.parameters:LegNodeParameters',),

@@ -11,13 +11,12 @@ from typing import Any
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
-from quadruped_sim.controller_file import KIND
 from quadruped_sim.parameters import LegNodeParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 import wasd
 from wasd_core.errors import UserError
-from wasd_core.parameter_file import read_parameters
+from wasd_core.parameter_file import NodeKind, read_parameters
 from wasd_core.parameters import known_parameters, numeric_ends, Parameters
 import yaml
 
@@ -193,7 +192,7 @@ def as_yaml(value: Any) -> Any:
 
 
 def read_legs(path: str) -> Any:
-    return read_parameters(path, LegNodeParameters, KIND)
+    return read_parameters(path, LegNodeParameters, NodeKind('leg_controller', 'leg controller'))
 
 
 def read_wheels(path: str) -> Any:

@@ -12,11 +12,9 @@ from diff_drive_sim.controller_file import KIND as WHEELS
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
-from quadruped_sim.controller_file import KIND as LEGS
 from quadruped_sim.parameters import LegNodeParameters
 from teleop_keyboard.keymap_file import load_preset
 from wasd_core.errors import UserError
-from wasd_core.parameter_file import read_parameters
 from wasd_core.parameters import known_parameters, numeric_ends, Parameters
 
 FILES = 1000  # of each reader
@@ -143,8 +141,8 @@ def preset_text(chance: random.Random) -> str:
 # Of each reader: what makes a text, and what reads it.
 READERS: Mapping[str, tuple[Callable[[random.Random], str], Callable[[str], Any]]] = {
     'legs': (
-        lambda chance: random_text(LegNodeParameters, LEGS.name, chance),
-        lambda path: read_parameters(path, LegNodeParameters, LEGS),
+        lambda chance: random_text(LegNodeParameters, 'leg_controller', chance),
+        LegNodeParameters.from_file,
     ),
     'wheels': (
         lambda chance: random_text(DiffDriveParameters, WHEELS.name, chance),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One keyboard for several robots: no key reaches two, no end of a key reaches the wrong one."""
 
-from wasd_bringup.run.inputs import KeySwitch
+from wasd_bringup.run.run import KeySwitch
 
 
 def receivers(switch: KeySwitch, keys: str) -> list[int | None]:

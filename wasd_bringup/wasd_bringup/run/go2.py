@@ -10,7 +10,6 @@ from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import World
 import numpy as np
-from quadruped_sim.controller_file import read_leg_file
 from quadruped_sim.height_scan import known_scan
 from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
 from quadruped_sim.leg_kinematics import LegGeometry
@@ -350,7 +349,7 @@ def leg_settings(given: dict[str, Any]) -> LegNodeParameters:
     Raises:
         InvalidParameter: what is wrong with one, with its line where a file has it.
     """
-    return read_leg_file(given.get('controller', '')).changed(given)
+    return LegNodeParameters.from_file(given.get('controller', '')).changed(given)
 
 
 def _true_scan(world: World) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes into a run: scripts, keys for one of several robots, when messages are due."""
+"""What comes into a run: scripts, keys of its own, when messages are due."""
 
 from collections.abc import Callable, Sequence
 import math
@@ -8,7 +8,6 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from mujoco_sim.parameters import BoxSize
 from teleop_keyboard.dashboard import HELP_KEY
 from wasd_core.errors import UserError
-from wasd_core.timing import HELD, RELEASE, split_event
 
 # Scripted velocity commands are repeated at this rate [Hz], as a navigation stack sends them.
 TWIST_RATE = 20.0
@@ -259,46 +258,11 @@ class TwistPlayer:
 RESET_KEY = 'BACKSPACE'
 # Stops every robot for good; with --latched nothing drives before the other one.
 E_STOP_KEY, END_E_STOP_KEY = 'ESC', 'ENTER'
+SWITCH_KEY = 'TAB'
+SWITCH_LINE = f'{SWITCH_KEY} goes to the next robot'
 KEY_LINE = (
     f'{HELP_KEY} all keys   {RESET_KEY} back to the start   {E_STOP_KEY} E-STOP   Ctrl-C quit'
 )
-
-
-SWITCH_KEY = 'TAB'
-SWITCH_LINE = f'{SWITCH_KEY} goes to the next robot'
-
-
-class KeySwitch:
-    """
-    Sends each key to one of `count` robots: the one in turn, which SWITCH_KEY makes the next.
-
-    A key that is still down at a switch belongs to the robot for which it was pressed until it is
-    let go: its end must not reach the other one, and must reach this one. `on_leave` are told the
-    number of the robot that the keys leave.
-    """
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self._owners: dict[str, int] = {}
-        self.active = 0
-        self.on_leave: list[Callable[[int], None]] = []
-
-    def receiver(self, key: str) -> int | None:
-        """Return which robot gets a key; None where the key was for the switch itself."""
-        if self._count == 1:
-            return 0
-        event, base = split_event(key)
-        if base == SWITCH_KEY:
-            if not event:
-                for tell in self.on_leave:
-                    tell(self.active)
-                self.active = (self.active + 1) % self._count
-            return None
-        if event == RELEASE:
-            return self._owners.pop(base, self.active)
-        if event == HELD:
-            return self._owners.setdefault(base, self.active)
-        return self.active
 
 
 # Messages and services are looked after so often [s of wall time], but for no more than this

@@ -16,6 +16,7 @@ from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
+from wasd_core.timing import HELD, RELEASE, split_event
 
 from wasd_bringup.run.drivers import Driver, E_STOP, LOST
 from wasd_bringup.run.face import Face
@@ -24,7 +25,6 @@ from wasd_bringup.run.inputs import (
     Command,
     END_E_STOP_KEY,
     KEY_LINE,
-    KeySwitch,
     MessageTimes,
     Player,
     RESET_KEY,
@@ -42,6 +42,39 @@ if TYPE_CHECKING:
     from wasd_bringup.run.guarding import RobotGuard
     from wasd_bringup.run.navigation import NavigationDriver
     from wasd_bringup.run.unitree import UnitreeDriver
+
+
+class KeySwitch:
+    """
+    Sends each key to one of `count` robots: the one in turn, which SWITCH_KEY makes the next.
+
+    A key that is still down at a switch belongs to the robot for which it was pressed until it is
+    let go: its end must not reach the other one, and must reach this one. `on_leave` are told the
+    number of the robot that the keys leave.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._owners: dict[str, int] = {}
+        self.active = 0
+        self.on_leave: list[Callable[[int], None]] = []
+
+    def receiver(self, key: str) -> int | None:
+        """Return which robot gets a key; None where the key was for the switch itself."""
+        if self._count == 1:
+            return 0
+        event, base = split_event(key)
+        if base == SWITCH_KEY:
+            if not event:
+                for tell in self.on_leave:
+                    tell(self.active)
+                self.active = (self.active + 1) % self._count
+            return None
+        if event == RELEASE:
+            return self._owners.pop(base, self.active)
+        if event == HELD:
+            return self._owners.setdefault(base, self.active)
+        return self.active
 
 
 @dataclass
