@@ -9,10 +9,11 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.timing import Beat, Watchdog
 
 from unitree_bridge import topics
+from unitree_bridge.legs_robot import LegsRobot
 from unitree_bridge.low_level import LowLevel, LowStates, tick_of
 from unitree_bridge.motion import Motion
 from unitree_bridge.remote import read_remote, Remote
-from unitree_bridge.robot import Robot, Senses, to_motors
+from unitree_bridge.robot import Senses, to_motors
 from unitree_bridge.rpc import Leases, serve, Service
 from unitree_bridge.services import (
     MotionSwitcher,
@@ -60,7 +61,7 @@ class Bridge:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: LegsRobot,
         wire: Wire,
         say: Callable[[str], None],
         *,

@@ -45,10 +45,12 @@ class Commands:
 
 
 class LegsRobot:
-    """A `Robot` of legs in a world."""
+    """Legs in a world; keys and velocities may be refused, as by E-STOP: see `Commands`."""
 
     def __init__(self, legs: Legs, world: World, commands: Commands) -> None:
-        self._legs, self._world, self._commands = legs, world, commands
+        self._legs, self._world = legs, world
+        self.press, self.drive, self.release = commands.press, commands.drive, commands.release
+        self.take_motors, self.guard = commands.take_motors, commands.guard
         quadruped = legs.model.quadruped
         self._joints = JointMap(quadruped, world.joint_names, world.motor_names)
         self._feet = quadruped.feet
@@ -120,30 +122,10 @@ class LegsRobot:
         """Return a command of leg angles as one of the world's motors."""
         return self._joints.command(command)
 
-    def press(self, key: str) -> bool:
-        """Press a key of our controller; return whether that counts."""
-        return self._commands.press(key)
-
-    def drive(self, velocity: Velocity) -> bool:
-        """Command a velocity [m/s], [m/s], [rad/s]; return whether that counts."""
-        return self._commands.drive(velocity)
-
-    def release(self) -> None:
-        """Hold nothing any more: what we move stops."""
-        self._commands.release()
-
-    def take_motors(self) -> bool:
-        """Return whether commands to the motors themselves count now."""
-        return self._commands.take_motors()
-
     def let_go(self) -> None:
         """Stop our controller: from now on it damps."""
         self._legs.controller.e_stop(WHY)
         self._legs.say(f'{WHY} (rt/lowcmd)')
-
-    def guard(self, is_on: bool) -> bool:
-        """Let what the lidar sees stop it, or not; return False where it has no such guard."""
-        return self._commands.guard(is_on)
 
     def picture(self) -> bytes:
         """

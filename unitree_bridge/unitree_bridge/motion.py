@@ -9,7 +9,8 @@ from quadruped_sim.presets import GAITS, LIMITS
 from quadruped_sim.states.driving import FULL_LEAN
 from wasd_core.timing import Beat, Watchdog
 
-from unitree_bridge.robot import Robot, Velocity
+from unitree_bridge.legs_robot import LegsRobot
+from unitree_bridge.robot import Velocity
 
 # A Move holds for so long [s], and is told to the controller so often [Hz].
 MOVE_TIMEOUT = 1.0
@@ -33,7 +34,7 @@ class Motion:
     refused, it gives up what it was asked for, and says so.
     """
 
-    def __init__(self, robot: Robot, say: Callable[[str], None]) -> None:
+    def __init__(self, robot: LegsRobot, say: Callable[[str], None]) -> None:
         self._robot, self._say = robot, say
         self._beat = Beat()
         self._alive = Watchdog(MOVE_TIMEOUT)

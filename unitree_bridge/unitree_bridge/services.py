@@ -8,9 +8,9 @@ from typing import Any
 from quadruped_sim.keys import StateName
 from wasd_core.errors import UserError
 
+from unitree_bridge.legs_robot import LegsRobot
 from unitree_bridge.low_level import LowLevel
 from unitree_bridge.motion import Motion
-from unitree_bridge.robot import Robot
 from unitree_bridge.rpc import (
     Answer,
     flag,
@@ -55,7 +55,7 @@ class Sport:
     name, version = 'sport', '1.0.0.1'
 
     def __init__(
-        self, motion: Motion, robot: Robot, low: LowLevel, avoid: 'ObstaclesAvoid', say: Say
+        self, motion: Motion, robot: LegsRobot, low: LowLevel, avoid: 'ObstaclesAvoid', say: Say
     ) -> None:
         self._motion, self._robot, self._low, self._say = motion, robot, low, say
         self._avoid = avoid
@@ -186,7 +186,9 @@ class ObstaclesAvoid:
 
     name, version = 'obstacles_avoid', '1.0.0.2'
 
-    def __init__(self, robot: Robot, move: Callable[[tuple[float, float, float]], None]) -> None:
+    def __init__(
+        self, robot: LegsRobot, move: Callable[[tuple[float, float, float]], None]
+    ) -> None:
         self._robot = robot
         self.move = move
         self.is_on = False
@@ -264,7 +266,7 @@ class VideoHub:
 
     name, version = 'videohub', '1.0.0.1'
 
-    def __init__(self, robot: Robot, say: Say) -> None:
+    def __init__(self, robot: LegsRobot, say: Say) -> None:
         self._robot, self._say = robot, say
 
     def handler(self, api_id: int) -> Handler | None:

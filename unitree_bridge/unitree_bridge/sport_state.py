@@ -6,8 +6,9 @@ from quadruped_sim.keys import StateName
 from wasd_core.rotations import matrix_from_quaternion
 
 from unitree_bridge.cdr import encode, Layout
+from unitree_bridge.legs_robot import LegsRobot
 from unitree_bridge.low_level import imu_numbers, imu_view
-from unitree_bridge.robot import Robot, Senses
+from unitree_bridge.robot import Senses
 from unitree_bridge.shapes import SPORT_MODE_STATE
 
 # The numbers of Unitree's modes.
@@ -47,7 +48,7 @@ class SportStates:
         }
         self._imu = imu_view(layout, self._raw)
 
-    def write(self, robot: Robot, senses: Senses) -> bytes:
+    def write(self, robot: LegsRobot, senses: Senses) -> bytes:
         """Return the message of this instant."""
         views = self._views
         views['stamp.sec'][0] = seconds = int(robot.time)

@@ -18,7 +18,7 @@ from wasd_core.timing import Beat
 
 from unitree_bridge import topics
 from unitree_bridge.cdr import decode, encode
-from unitree_bridge.robot import Robot
+from unitree_bridge.legs_robot import LegsRobot
 from unitree_bridge.shapes import HEIGHT_MAP, IMU, ODOMETRY, POINT_CLOUD, POSE_STAMPED, STRING
 from unitree_bridge.topics import Topic
 from unitree_bridge.wire import Wire
@@ -46,7 +46,7 @@ class LidarTopics:
     `rt/utlidar/switch` with OFF ends all of it, with ON it goes on.
     """
 
-    def __init__(self, robot: Robot, mount: Pose) -> None:
+    def __init__(self, robot: LegsRobot, mount: Pose) -> None:
         """Take a robot, and where the lidar's frame is in its base."""
         self._robot, self._mount = robot, mount
         self._track = PoseTrack(_TRACKED)
@@ -173,7 +173,7 @@ class LidarTopics:
         )
 
 
-def serve_lidar(robot: Robot, sensors: Sensors) -> LidarTopics | None:
+def serve_lidar(robot: LegsRobot, sensors: Sensors) -> LidarTopics | None:
     """Return the topics of a robot's lidar: that of points, or else a planar one; None without."""
     kinds = {topic.kind: topic for topic in reversed(sensors.topics)}
     topic = kinds.get('PointCloud2') or kinds.get('LaserScan')

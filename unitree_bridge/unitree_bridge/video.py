@@ -10,7 +10,7 @@ from wasd_core.timing import Beat
 
 from unitree_bridge import topics
 from unitree_bridge.cdr import encode
-from unitree_bridge.robot import Robot
+from unitree_bridge.legs_robot import LegsRobot
 from unitree_bridge.wire import Wire
 
 # Rendering takes a machine without a graphics card 50 ms a picture, while time waits [Hz].
@@ -21,7 +21,7 @@ _SMALL = {'video360p': (640, 360), 'video180p': (320, 180)}
 class FrontVideo:
     """Tells pictures of three sizes while somebody listens; `say` hears why there are none."""
 
-    def __init__(self, robot: Robot, say: Callable[[str], None]) -> None:
+    def __init__(self, robot: LegsRobot, say: Callable[[str], None]) -> None:
         self._robot, self._say = robot, say
         self._beat, self._works = Beat(), True
 
