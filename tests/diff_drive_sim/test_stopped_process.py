@@ -27,7 +27,7 @@ def controller(isolated_ros) -> Iterator[subprocess.Popen]:
     yield process
     process.send_signal(signal.SIGCONT)
     process.terminate()
-    process.wait(10.0)
+    process.wait(40.0)
 
 
 class Drive:

@@ -154,7 +154,7 @@ class Page:
     def end(self) -> None:
         """End the run."""
         self.process.terminate()
-        self.process.wait(10.0)
+        self.process.wait(40.0)
 
 
 @pytest.fixture

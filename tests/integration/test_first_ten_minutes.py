@@ -181,7 +181,7 @@ def second(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...
     for process in started:
         process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(10.0)
+            process.wait(40.0)
         process.kill()
         process.wait()
 

@@ -123,7 +123,7 @@ def test_killed_it_opens_with_all_that_was_saved(new_runner: Any) -> None:
             end = 1e-9 * BagReader(path).end
             seen += [end] if end > seen[-1] else []
     process.send_signal(signal.SIGKILL)
-    process.wait(5.0)
+    process.wait(40.0)
     bag = BagReader(path)
     assert 1e-9 * bag.end >= seen[-1]
     topics = {topic.name for topic in bag.topics if topic.messages}

@@ -35,9 +35,8 @@ sys.meta_path.insert(0, Hide())
 """
 RUNS = {
     'go2': ('go2 --duration 5', '0.1 2\n2.6 5\n', '3 0.5 0 0.3\n'),
-    'mbot': ('mbot --duration 4', '0.5 i*30\n2 j*20\n', ''),
     'map and goal': ('mbot --duration 6 --world flat:3 --map --goal "0.6 0.2"', '', ''),
-    'both': ('both --duration 5', '0.1 2\n2.5 4\n3 w*4\n4 TAB i*30\n', ''),
+    'both': ('both --duration 5', '0.1 2\n2.5 4\n3 w*4\n3.5 TAB i*30\n4.3 j*20\n', ''),
 }
 
 

@@ -110,7 +110,7 @@ def processes(isolated_ros) -> Iterator[list[subprocess.Popen]]:
         process.send_signal(signal.SIGCONT)
         process.terminate()
     for process in started:
-        process.wait(10.0)
+        process.wait(40.0)
 
 
 def test_two_processes_walk_and_one_that_stops_or_ends_lets_the_robot_not_fall(spawn, processes):
@@ -170,7 +170,7 @@ def assert_time_passes_when_it_is_gone(watcher, processes):
     """End the leg controller."""
     simulator, legs = processes
     legs.terminate()
-    legs.wait(10.0)
+    legs.wait(40.0)
     watcher._processes = [simulator]
     watcher.pass_time(1.0)
     assert watcher.place[2] < 0.25  # the motors brake, the robot sinks

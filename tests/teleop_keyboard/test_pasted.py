@@ -36,8 +36,13 @@ def moves(listener):
     return sum(1 for velocity in listener.velocities if velocity.vx != 0.0)
 
 
-@pytest.mark.parametrize('marks', [(b'', b''), (PASTE_BEGIN, PASTE_END)])
-@pytest.mark.parametrize('program', ['teleop', 'pair', 'mbot'])
+@pytest.mark.parametrize(
+    ('program', 'marks'),
+    [
+        *((program, (b'', b'')) for program in ('teleop', 'pair', 'mbot')),
+        ('teleop', (PASTE_BEGIN, PASTE_END)),
+    ],
+)
 def test_a_pasted_megabyte_drives_for_no_more_than_0_3_s(
     program, marks, pty_process, listener, background
 ):

@@ -67,6 +67,12 @@ class Robot:
         return self._world.time
 
     @property
+    def state(self) -> str:
+        """The controller's state, such as `trotting`, `policy` or `driving`."""
+        state: str = self._robot.state
+        return state
+
+    @property
     def truth(self) -> BaseState:
         """The true state of the base: position [m], quaternion w x y z, velocities."""
         return self._world.base()
@@ -238,12 +244,6 @@ class Go2(Robot):
         )
 
     @property
-    def state(self) -> str:
-        """The controller's state, such as `trotting`."""
-        state: str = self._robot.state
-        return state
-
-    @property
     def odometry(self) -> BaseOdometry:
         """The robot's odometry: pose, velocities and their covariances."""
         odometry: BaseOdometry | None = self._robot.odometry
@@ -337,12 +337,6 @@ class G1(Robot):
         )
 
     @property
-    def state(self) -> str:
-        """`passive`, `stand` or `policy`."""
-        state: str = self._robot.state
-        return state
-
-    @property
     def is_held(self) -> bool:
         """Whether the hoist holds it."""
         is_on: bool = self._robot.hoist.is_on
@@ -422,12 +416,6 @@ class Mbot(Robot):
             raise UserError(f"mode: got {mode!r}, a script drives mode 'float' only")
         super().__init__(options)
         self._velocity = (0.0, 0.0, 0.0)
-
-    @property
-    def state(self) -> str:
-        """`driving`, `stopped` or `timed out`."""
-        state: str = self._robot.state
-        return state
 
     @property
     def odometry(self) -> Any:
