@@ -7,6 +7,7 @@ guard knows their scans and odometry of their own; what is touched is what MuJoC
 """
 
 from collections.abc import Callable, Sequence
+import dataclasses
 from functools import partial
 import math
 import tempfile
@@ -19,12 +20,13 @@ from kinematic import KinematicRobot, RATE, ROBOTS
 import mujoco
 import numpy as np
 from table import format_count, Row
-from wasd_bringup.run.sensing import DRIFT, SWAY
+from wasd_bringup.run.sensing import DRIFT, NOISE, SWAY
 from wasd_core.errors import UserError
 from wasd_core.rotations import Pose
 from wasd_navigation.guard import Guard
 from wasd_navigation.guard_parameters import GuardParameters
 from wasd_navigation.odometry import Odometry, read_odometry
+from wasd_navigation.planning.motion import HARD
 from wasd_navigation.records import Scan
 
 FIRST_SEED = 4000
@@ -153,7 +155,13 @@ class GuardedCourse(Course):
     """A flat in which a robot without physics drives to goals, with a guard behind its driver."""
 
     def __init__(self, name: str, seed: int, guards: bool) -> None:
-        super().__init__(ROBOTS[name], seed)
+        robot = ROBOTS[name]
+        if guards and robot.footprint.is_circle:
+            # As --guard does: its own file gives the Go2 as much room as its guard keeps.
+            margin = (PARAMETERS[name].footprint_padding + NOISE) / HARD
+            parameters = dataclasses.replace(robot.parameters, margin=margin)
+            robot = dataclasses.replace(robot, parameters=parameters)
+        super().__init__(robot, seed)
         self.moving = _GuardedMotion(name, seed) if guards else self.moving
 
 

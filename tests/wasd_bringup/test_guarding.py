@@ -7,6 +7,7 @@ from wasd_bringup.run.guarding import RobotGuard
 from wasd_bringup.run.navigation import _settings
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
+from wasd_bringup.run.sensing import NOISE
 from wasd_core.errors import UserError
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.planning.motion import HARD
@@ -146,3 +147,10 @@ def test_a_way_has_as_much_room_as_the_guard_keeps(begin, robot):
     kept = RobotGuard(guarded.robot).unit.padding
     settings = NavigatorParameters().changed(_settings(guarded.robot))
     assert HARD * settings.planning.margin >= kept - 1e-9
+
+
+def test_noise_of_the_lidar_does_not_let_the_guard_stop_mbot_on_its_way(begin):
+    guarded = begin('mbot')
+    kept = guarded.run.guards[0].unit.padding + NOISE
+    settings = NavigatorParameters().changed(_settings(guarded.robot))
+    assert HARD * settings.planning.margin == pytest.approx(kept)

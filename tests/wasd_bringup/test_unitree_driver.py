@@ -12,6 +12,7 @@ from unitree_rig import low_cmd, positions, request, STANDING, TableWire
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
+from wasd_bringup.run.sensing import SWAY
 from wasd_bringup.run.unitree import idle_guard, UnitreeDriver
 from wasd_core.errors import UserError
 
@@ -181,6 +182,14 @@ def test_programs_switch_the_guard_that_stops_before_a_wall():
     assert guarded.speed < 0.05
     _, wall = walk(False)
     assert wall
+
+
+def test_a_guard_that_programs_switch_keeps_as_much_room_as_any_guard_of_a_go2():
+    run = Commanded(world='room', guards=True)
+    guard = run.driver._guard
+    for is_on in (True, False, True):
+        assert run.call(1001, 'obstacles_avoid', enable=is_on) == 0
+        assert guard.unit.padding == SWAY
 
 
 def test_without_a_lidar_no_guard_is_switched(run):

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from wasd_navigation.guard import Guard, warm_up
-from wasd_navigation.guard_parameters import GuardParameters
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import footprint_of
 from wasd_navigation.records import Scan
 from wasd_navigation.senses import Senses
 
 from wasd_bringup.run.robot import Robot
-from wasd_bringup.run.sensing import DRIFT, lidar_of, listen_to_lidar, size_of, SWAY
+from wasd_bringup.run.sensing import guard_parameters_of, lidar_of, listen_to_lidar, size_of
 
 # A command that stays the same is looked at again after so long [s].
 PERIOD = 0.02
@@ -34,10 +33,7 @@ class RobotGuard:
         footprint = footprint_of(*(size | size_of(robot)).values())
         warm_up(footprint)
         self._robot = robot
-        parameters = GuardParameters()
-        if len(robot.feet):
-            parameters = GuardParameters(footprint_padding=SWAY, drift=DRIFT)
-        self.unit = Guard(footprint, np.array(robot.braking), parameters)
+        self.unit = Guard(footprint, np.array(robot.braking), guard_parameters_of(robot))
         self._senses = Senses()
         self._senses.on_scan = self._see
         self._odometry: Odometry | None = None

@@ -9,7 +9,6 @@ import numpy as np
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
-from wasd_navigation.planning.motion import HARD
 from wasd_navigation.records import Grid
 from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.waypoints import Waypoints
@@ -18,7 +17,7 @@ from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.ground import ground_of
 from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.robot import Robot
-from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of, SWAY
+from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, margin_of, size_of
 
 # By this name it takes the robot.
 SOURCE = 'navigator'
@@ -263,8 +262,9 @@ def _settings(robot: Robot) -> dict[str, Any]:
         **size_of(robot),
         **{f'limits.{name}': most for name, most in robot.drive_limits.items()},
     }
-    if len(robot.feet):
-        values['planning.margin'] = SWAY / HARD  # a way has as much room as the guard keeps
+    margin = margin_of(robot)
+    if margin is not None:
+        values['planning.margin'] = margin
     if robot.world.prefix:
         # Of several robots each has a map of its own.
         values['map_frame'] = f'{robot.world.prefix}map'

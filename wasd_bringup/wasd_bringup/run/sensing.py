@@ -10,6 +10,8 @@ from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 from robot_description.robot import Robot as RobotTree
 from wasd_core.errors import UserError
+from wasd_navigation.guard_parameters import GuardParameters
+from wasd_navigation.planning.motion import HARD
 from wasd_navigation.records import Ranges
 from wasd_navigation.senses import Senses
 
@@ -21,6 +23,8 @@ SCAN = 'scan'
 SWAY = 0.06
 # And how much more with each metre that it takes to stop [m/m]: a walk drifts.
 DRIFT = 0.05
+# Noise of a lidar may show an obstacle so much nearer to a guard than the map has it [m].
+NOISE = 0.015
 # A robot whose corners stand out no farther than this is called round.
 ROUND = 1.1
 SENSOR_NEEDED = (
@@ -41,6 +45,22 @@ def lidar_of(robot: RobotTree, option: str = '--map') -> LidarTag:
     if not lidars:
         raise UserError(SENSOR_NEEDED.format(option=option, robot=robot.name))
     return next((tag for tag in lidars if tag.topic == SCAN), lidars[0])
+
+
+def guard_parameters_of(robot: Robot, enabled: bool = True) -> GuardParameters:
+    """Return the parameters of a robot's guard: more room around who walks."""
+    if len(robot.feet):
+        return GuardParameters(enabled=enabled, footprint_padding=SWAY, drift=DRIFT)
+    return GuardParameters(enabled=enabled)
+
+
+def margin_of(robot: Robot) -> float | None:
+    """Return the margin of a navigator [m]: a way has as much room as the guard keeps."""
+    if len(robot.feet):
+        return SWAY / HARD
+    if robot.options.guard:
+        return (guard_parameters_of(robot).footprint_padding + NOISE) / HARD
+    return None
 
 
 def listen_to_lidar(robot: Robot, tag: LidarTag, senses: Senses, first: Callable[[], Any]) -> None:

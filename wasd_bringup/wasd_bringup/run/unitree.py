@@ -13,11 +13,11 @@ from unitree_bridge.utlidar import serve_lidar
 from unitree_bridge.wire import Wire
 from wasd_core.errors import UserError
 from wasd_core.robot_io import JointCommand
-from wasd_navigation.guard_parameters import GuardParameters
 
 from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.go2 import Go2
 from wasd_bringup.run.guarding import RobotGuard
+from wasd_bringup.run.sensing import guard_parameters_of
 
 # What a program presses that commands the motors themselves: no key of a keyboard.
 MOTORS = 'LowCmd'
@@ -29,7 +29,7 @@ def idle_guard(robot: Go2) -> RobotGuard | None:
         guard = RobotGuard(robot)
     except UserError:
         return None
-    guard.unit.tune(GuardParameters(enabled=False))
+    guard.unit.tune(guard_parameters_of(robot, enabled=False))
     return guard
 
 
@@ -114,7 +114,7 @@ class UnitreeDriver:
 
     def _switch_guard(self, is_on: bool) -> bool:
         if self._guard is not None and not self.robot.options.guard:
-            self._guard.unit.tune(GuardParameters(enabled=is_on))
+            self._guard.unit.tune(guard_parameters_of(self.robot, enabled=is_on))
         return self._guard is not None
 
     def _take_motors(self) -> bool:
