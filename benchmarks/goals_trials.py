@@ -9,12 +9,13 @@ from typing import Any
 from kinematic import draw_grid, KinematicRobot, RATE, Robot
 from mujoco_sim.flats import make_flat
 import numpy as np
+from wasd_navigation.planning.distances import measure_distances
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.goal_field import march_from
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.route import refusal, Route
 from wasd_navigation.planning.surroundings import Surroundings
-from wasd_navigation.records import Grid
+from wasd_navigation.records import Grid, OCCUPIED
 
 # A drive ends after three times what it takes at full speed, and this [s].
 PATIENCE = 60.0
@@ -78,7 +79,8 @@ class Course:
         robot, pose = self.robot, self.moving.pose
         route = Route(goal, robot.footprint, base_of(robot.limits), robot.parameters)
         route.draw(around)
-        route.work(pose, WHOLE)
+        while route.is_drawing:
+            route.work(pose, WHOLE)
         return route.left(pose) < math.inf
 
     def choose_shut_off(self) -> tuple[np.ndarray, Grid, str]:
@@ -121,9 +123,10 @@ class Course:
 
     def shortest(self, goal: np.ndarray) -> float:
         """Return the shortest way for a disc as wide as the robot's narrower side [m]."""
-        around = self._surroundings(self.grid)
+        # Of all of the flat: the surroundings of a large one are a part of it.
+        distances = measure_distances(self.grid.cells == OCCUPIED, self.grid.resolution)
         reach = self.robot.footprint.inscribed
-        price = np.where(around.distances.values[0] > reach, 1.0, np.inf).astype(np.float32)
+        price = np.where(distances > reach, 1.0, np.inf).astype(np.float32)
         row, column = map(int, self.grid.to_cells(goal[None, :2])[0])
         nothing = np.zeros(price.shape, bool)
         values, beyond = march_from((row, column), price, nothing, self.grid.resolution)
