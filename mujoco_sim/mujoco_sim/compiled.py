@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled motors and sensors of legs, for each physics step and each tick."""
 
+from collections.abc import Callable
+from functools import partial
 import math
 from typing import NamedTuple
 
@@ -25,12 +27,8 @@ class NoiseSizes(NamedTuple):
     drifts: bool
 
 
-# `NoiseSizes`, a plain tuple as all here: numba takes long to see what others hold.
-_Sizes = tuple[float, float, float, float, float, float, float, bool]
-
-
 def add_noise(
-    sizes: _Sizes,
+    sizes: np.ndarray,
     joints: JointStates,
     imu: ImuReading,
     errors: ImuErrors,
@@ -40,13 +38,14 @@ def add_noise(
     """
     Return a noisy reading, `elapsed` [s] after the one before; `errors` go on until now.
 
+    `sizes` is a `NoiseSizes` as an array, (8,).
     `drawn` from a normal distribution are the white noises of n joints' positions and velocities
     and of the IMU (2n + 9,), and steps of the biases (6,).
     """
     position, velocity, effort = joints
     count = len(position)
     out = np.empty(2 * count + 10)
-    _add_noise((position, velocity, *imu), errors, sizes, drawn, elapsed, out)
+    _add_noise(position, velocity, *imu, *errors, *drawn, sizes, elapsed, out)
     turned, rest = out[2 * count : 2 * count + 4], 2 * count + 4
     turned /= math.hypot(*turned.tolist())
     return Reading(
@@ -56,30 +55,37 @@ def add_noise(
 
 
 @jit
-def _add_noise(
-    true: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    errors: ImuErrors,
-    sizes: _Sizes,
-    drawn: tuple[np.ndarray, np.ndarray],
+def _add_noise(  # noqa: PLR0913  # numba takes each array by itself faster than a tuple of them
+    position: np.ndarray,
+    velocity: np.ndarray,
+    orientation: np.ndarray,
+    omega: np.ndarray,
+    acceleration: np.ndarray,
+    gyro_bias: np.ndarray,
+    bias: np.ndarray,
+    heading: np.ndarray,
+    white: np.ndarray,
+    steps: np.ndarray,
+    sizes: np.ndarray,
     elapsed: float,
     out: np.ndarray,
 ) -> None:
     """Write joints, orientation, not yet of unit length, angular velocity and acceleration."""
-    own, (white, steps) = NoiseSizes(*sizes), drawn
-    position, velocity, orientation, omega, acceleration = true
+    s = sizes
+    own = NoiseSizes(s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7] != 0.0)
     count = len(position)
     for i in range(count):
         out[i] = position[i] + own.joint_position * white[i]
         out[count + i] = velocity[i] + own.joint_velocity * white[count + i]
-    imu = orientation, omega, acceleration
-    _add_imu_noise(imu, errors, sizes, (white[2 * count :], steps), elapsed, out[2 * count :])
+    imu, errors = (orientation, omega, acceleration), (gyro_bias, bias, heading)
+    _add_imu_noise(imu, errors, own, (white[2 * count :], steps), elapsed, out[2 * count :])
 
 
 @jit
 def _add_imu_noise(
     true: tuple[np.ndarray, np.ndarray, np.ndarray],
     errors: ImuErrors,
-    sizes: _Sizes,
+    own: NoiseSizes,
     drawn: tuple[np.ndarray, np.ndarray],
     elapsed: float,
     out: np.ndarray,
@@ -87,7 +93,7 @@ def _add_imu_noise(
     """Write what `_add_noise` does of the IMU."""
     orientation, omega, acceleration = true
     gyro_bias, bias, heading = errors
-    own, (white, steps) = NoiseSizes(*sizes), drawn
+    white, steps = drawn
     w, x, y, z = orientation[0], orientation[1], orientation[2], orientation[3]
     rate = np.empty(3)
     for k in range(3):
@@ -157,6 +163,12 @@ class TorqueSpeedCurve:
         Raise `peak` (n,) to the size of their `effort` (n,).
         """
         _follow(self._curve, velocity, motors, limits, effort, peak)
+
+    def follower(
+        self, velocity: np.ndarray, motors: np.ndarray, limits: np.ndarray, effort: np.ndarray
+    ) -> Callable[[np.ndarray], None]:
+        """Return `follow` with all but `peak` given: a call takes less time."""
+        return partial(_follow, self._curve, velocity, motors, limits, effort)
 
     def command(
         self, parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray

@@ -9,7 +9,8 @@ from wasd_core.robot_io import JointStates, Reading
 
 # Biases and white noise of the same seed have streams of their own.
 STREAM = 15
-_NO_STEPS = np.zeros(6)
+# So many readings' noise is drawn at once, in the order in which single ones would draw it.
+_DRAWN = 64
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,13 @@ class NoisySensors:
         self._errors = noise.gyro_bias * _direction(self._walks), bias, np.zeros(1)
         self._time: float | None = None
         self._imu: _ImuNoise | None = None
+        self._coming: list[tuple[np.ndarray, np.ndarray]] = []  # drawn, the next one last
 
     def measure(self, true: Reading, time: float = 0.0) -> Reading:
         """Return a noisy reading of the truth at a time [s], which never runs back."""
-        noise = self._noise
-        count = len(true.joints.position)
-        white = self._random.standard_normal(2 * count + (0 if true.imu is None else 9))
         if true.imu is None:  # of wheels, which would wait at each start for what compiles
+            noise, count = self._noise, len(true.joints.position)
+            white = self._random.standard_normal(2 * count)
             joints = JointStates(
                 true.joints.position + noise.joint_position * white[:count],
                 true.joints.velocity + noise.joint_velocity * white[count : 2 * count],
@@ -71,9 +72,16 @@ class NoisySensors:
         elapsed = 0.0 if self._time is None else time - self._time
         self._time = time
         if self._imu is None:
-            self._imu = _ImuNoise(noise)
-        steps = self._walks.standard_normal(6) if self._imu.drifts else _NO_STEPS
-        return self._imu.add(true.joints, true.imu, self._errors, (white, steps), elapsed)
+            self._imu = _ImuNoise(self._noise)
+        if not self._coming:
+            self._coming = self._draw(2 * len(true.joints.position) + 9, self._imu.drifts)
+        return self._imu.add(true.joints, true.imu, self._errors, self._coming.pop(), elapsed)
+
+    def _draw(self, count: int, drifts: bool) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return the white noises (count,) and the steps of the biases (6,) of readings."""
+        white = self._random.standard_normal((_DRAWN, count))
+        steps = self._walks.standard_normal((_DRAWN, 6)) if drifts else np.zeros((_DRAWN, 6))
+        return list(zip(white, steps, strict=True))[::-1]
 
 
 class _ImuNoise:
@@ -86,7 +94,7 @@ class _ImuNoise:
         white = noise.orientation, noise.angular_velocity, noise.acceleration
         drift = noise.gyro_walk, noise.acceleration_walk, self.drifts
         sizes = NoiseSizes(noise.joint_position, noise.joint_velocity, *white, *drift)
-        self.add = partial(add_noise, sizes[:])
+        self.add = partial(add_noise, np.array(sizes))
 
 
 def _direction(random: np.random.Generator) -> np.ndarray:

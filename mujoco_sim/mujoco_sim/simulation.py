@@ -60,13 +60,13 @@ class Simulation:
 
     def advance(self, steps: int) -> None:
         """Run tasks and physics for so many physics steps, whatever the wall time."""
-        stride = self.schedule.stride
+        stride, physics = self.schedule.stride, self.world.physics
         while steps > 0:
-            phase = self.world.tick % stride
+            phase = physics.tick % stride
             if phase == 0:
-                self.schedule.run_due(self.world.tick)
+                self.schedule.run_due(physics.tick)
             run = min(steps, stride - phase)
-            self.world.step(run)
+            physics.step(run)
             steps -= run
 
     def run(
@@ -83,12 +83,12 @@ class Simulation:
         `poll(timeout)` handles messages and may wait for them up to `timeout` [s]. While
         `may_advance` says no, simulated time stands still and messages are handled.
         """
-        stride = self.schedule.stride
+        stride, physics, pacer = self.schedule.stride, self.world.physics, self.pacer
         stride_time = stride * self.world.time_step
         end = round(duration / self.world.time_step) if duration != float('inf') else None
         polled = time.monotonic()
         next_second = polled + 1.0
-        while not stop() and (end is None or self.world.tick < end):
+        while not stop() and (end is None or physics.tick < end):
             wall = time.monotonic()
             if wall >= next_second:
                 next_second = wall + 1.0
@@ -101,12 +101,16 @@ class Simulation:
             if not may_advance():
                 poll(HOLD_PERIOD)
                 continue
-            if self.pacer.allowed(wall, self.world.time) >= self.world.time + 0.5 * stride_time:
-                self.advance(stride if end is None else min(stride, end - self.world.tick))
-            if time.monotonic() - polled >= POLL_PERIOD:
-                polled = time.monotonic()
+            now = self.world.time
+            if pacer.allowed(wall, now) >= now + 0.5 * stride_time:
+                self.advance(stride if end is None else min(stride, end - physics.tick))
+            wall = time.monotonic()
+            if wall - polled >= POLL_PERIOD:
+                polled = wall
                 poll(0.0)
-            wait = self.pacer.wait_for(self.world.time + stride_time, time.monotonic())
+            if pacer.speed == 0.0:
+                continue
+            wait = pacer.wait_for(self.world.time + stride_time, time.monotonic())
             if wait > 0.0:
                 poll(min(wait, POLL_PERIOD))
 

@@ -75,7 +75,6 @@ class Actuation:
         self._delay = round(setup.command_delay / self._time_step)
         strength = setup.drawn.strength
         self._strength = np.array([strength.get(name, 1.0) for name in parts.motor_names])
-        self._curve = self._torque_speed_curve()
         # Views on MuJoCo's own memory: to ask for them at every step costs more than to use them.
         self._velocities = data.qvel
         self._controls = data.ctrl[self._motors]
@@ -83,6 +82,13 @@ class Actuation:
         self._force_range = model.actuator_forcerange[self._motors]
         self._effort = data.actuator_force[self._motors]
         self._peak_effort, self._unread = np.zeros((2, len(parts.motor_names)))
+        self._curve = self._torque_speed_curve()
+        if self._curve is not None:
+            memory = self._velocities, self._motor_velocity, self._force_range, self._effort
+            self._follow = self._curve.follower(*memory)
+        self._told: JointCommand | None = None  # the last command, and as it was stacked
+        self._stacked = np.zeros(self._command_shape)
+        self._in_force: np.ndarray | None = None  # unknown: whatever comes changes it
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
         stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
         self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
@@ -98,10 +104,13 @@ class Actuation:
 
     def take_due(self, tick: int, last: int) -> int:
         """Put in force the commands that are due; return when one or a push changes, or `last`."""
-        while self._pending and self._pending[0][0] <= tick:
-            self._put_in_force(self._pending.popleft()[1])
-        if self._pending:
-            last = min(last, self._pending[0][0])
+        pending = self._pending
+        while pending and pending[0][0] <= tick:
+            command = pending.popleft()[1]
+            if command is not self._in_force:
+                self._put_in_force(command)
+        if pending and pending[0][0] < last:
+            last = pending[0][0]
         return min((end for end, _ in self._pushes), default=last) if self._pushes else last
 
     def drop_ended(self, tick: int) -> None:
@@ -113,27 +122,25 @@ class Actuation:
     @property
     def changes_each_step(self) -> bool:
         """Whether the motors' limits, or the moment of a push, depend on how the robot moves."""
-        return self._curve is not None or any(push.point is not None for _, push in self._pushes)
+        if self._curve is not None:
+            return True
+        return any(push.point is not None for _, push in self._pushes)
 
     def begin_steps(self) -> None:
         """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
         if self._curve is not None:
-            self._follow(self._curve, self._unread)
+            self._follow(self._unread)
         if self._pushes:
             self._sum_pushes()
 
     def end_step(self) -> None:
         """Note the largest efforts, and do what comes before the next step."""
         if self._curve is not None:
-            self._follow(self._curve, self._peak_effort)
+            self._follow(self._peak_effort)
         else:
             self._note_efforts()
         if self._pushes:
             self._sum_pushes()
-
-    def _follow(self, curve: 'TorqueSpeedCurve', peak: np.ndarray) -> None:
-        velocities, motors = self._velocities, self._motor_velocity
-        curve.follow(velocities, motors, self._force_range, self._effort, peak)
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
@@ -146,23 +153,27 @@ class Actuation:
 
     def apply(self, command: JointCommand, tick: int) -> bool:
         """Put a command in force once it is due; return if it was taken, see `World.apply`."""
-        try:
-            stacked = np.array(command, dtype=float)
-        except ValueError:  # parts of different lengths
-            stacked = np.empty(0)
-        if stacked.shape != self._command_shape or not _is_finite(stacked):
-            self.rejected_commands += 1
-            self.brake()
-            return False
-        if self._delay == 0:
-            self._put_in_force(stacked)
-        else:
-            self._pending.append((tick + self._delay, stacked))
+        if command is not self._told or command.position.flags.writeable:
+            self._told = None
+            try:
+                stacked = np.array(command, dtype=float)
+            except ValueError:  # parts of different lengths
+                stacked = np.empty(0)
+            if stacked.shape != self._command_shape or not _is_finite(stacked):
+                self.rejected_commands += 1
+                self.brake()
+                return False
+            self._told, self._stacked = command, stacked
+        if self._delay:
+            self._pending.append((tick + self._delay, self._stacked))
+        elif self._stacked is not self._in_force:
+            self._put_in_force(self._stacked)
         return True
 
     def brake(self) -> None:
         """Let the motors only resist motion; see `World.brake`."""
         self._pending.clear()
+        self._in_force = None
         kept = -self._gains[:, 1]
         self._gains[:, 1] = -np.where(kept > 0.0, kept, self._brake_damping)
         self._gains[:, 0] = 0.0
@@ -200,6 +211,7 @@ class Actuation:
         data.xfrc_applied[self._hung] = total + self._wrench
 
     def _put_in_force(self, command: np.ndarray) -> None:
+        self._in_force = command
         if self._curve is not None:
             self._curve.command(command, self._strength, self._gains, self._controls)
         else:  # the same without what compiles: wheels would wait for it at each start
@@ -293,7 +305,7 @@ class Physics:
             self._advance(until - self.tick)
             for robot in self.robots:
                 robot.drop_ended(self.tick)
-        if any(self._divergences.tolist()):
+        if any(self._divergences.tolist()):  # faster than to ask numpy
             raise SimulationError(
                 f'the physics diverged at {self.tick * self.time_step:.3f} s: '
                 'a push, a load, a speed or a mass is too large for the simulation'
@@ -301,16 +313,20 @@ class Physics:
 
     def _advance(self, count: int) -> None:
         self.tick += count
-        if all(robot.is_kinematic for robot in self.robots):
+        model, data, changing, moves = self.model, self.data, [], False
+        for robot in self.robots:
+            moves = moves or not robot.is_kinematic
+            if robot.changes_each_step:
+                changing.append(robot)
+        if not moves:
             return
-        changing = [robot for robot in self.robots if robot.changes_each_step]
         if not changing:
-            mujoco.mj_step(self.model, self.data, count)
+            mujoco.mj_step(model, data, count)
             return
         for robot in changing:
             robot.begin_steps()
         for _ in range(count):
-            mujoco.mj_step(self.model, self.data)
+            mujoco.mj_step(model, data)
             for robot in changing:
                 robot.end_step()
 
@@ -409,7 +425,7 @@ class World:
 
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
-        now = (self.physics.resets, self.tick)
+        now = (self.physics.resets, self.physics.tick)
         if now[0] != self._read_at[0]:
             noise = self.setup.noise
             self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
@@ -423,10 +439,12 @@ class World:
         return self._late[0][1]
 
     def _measure(self, sensors: NoisySensors | None) -> Reading:
-        joints = self.joints()
+        imu, joints = self._views.imu, self._views.joints
+        if joints is None or sensors is None:
+            joints = self.joints()
         # A motor knows its current: what its torque would be if it were as strong as it says.
-        np.divide(joints.effort, self._strength, out=joints.effort)
-        imu = ImuReading(*self._views.imu) if self.has_imu else None
+        effort = joints.effort / self._strength
+        joints = JointStates(joints.position, joints.velocity, effort)
         if sensors is not None:
             return sensors.measure(Reading(joints, imu), self.time)
         return Reading(joints, imu and ImuReading(*[part.copy() for part in imu]))
@@ -555,7 +573,8 @@ class _Views:
     """
     Views on what MuJoCo knows of one robot: to ask for one again costs more than to read it.
 
-    `base` are the parts of a `BaseState`, `imu` those of an `ImuReading`; empty without an IMU.
+    `base` are the parts of a `BaseState`; `imu` is None without an IMU, and `joints` where these
+    are not one after the other in MuJoCo's memory.
     """
 
     def __init__(self, data: mujoco.MjData, parts: RobotParts, imu: str | None) -> None:
@@ -567,10 +586,19 @@ class _Views:
         else:
             pose, twist = data.qpos[parts.pose], data.qvel[parts.twist]
             self.base = (pose[:3], pose[3:], twist[:3], twist[3:])
-        self.imu: tuple[np.ndarray, ...] = ()
+        self.imu: ImuReading | None = None
         if imu is not None:
             sensors = [data.sensor(imu + name).data for name in ('gyro', 'accelerometer')]
-            self.imu = (self.base[1], *sensors)
+            self.imu = ImuReading(self.base[1], *sensors)
+        self.joints: JointStates | None = None
+        count, motors = len(parts.joint_names), len(parts.motor_names)
+        orders = parts.position, parts.velocity, parts.motor_joint
+        in_a_row = all((np.diff(order) == 1).all() for order in orders)
+        if count == motors > 0 and in_a_row:
+            at, moving = int(parts.position[0]), int(parts.velocity[0])
+            self.joints = JointStates(
+                self.qpos[at : at + count], self.qvel[moving : moving + count], self.effort
+            )
 
 
 def _change_base(model: mujoco.MjModel, data: mujoco.MjData, root: int, drawn: Drawn) -> None:

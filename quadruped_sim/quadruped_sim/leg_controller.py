@@ -2,6 +2,7 @@
 """The leg controller: keys and velocity commands in, joint commands and odometry out."""
 
 from dataclasses import replace
+import math
 
 import numpy as np
 from wasd_core.errors import UserError
@@ -31,7 +32,7 @@ from quadruped_sim.parameters import LegControllerParameters, scale_parameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import make_odometry, read_legs, RobotState, turn_base
-from quadruped_sim.safety import FallWatch, is_sound_state, Safety
+from quadruped_sim.safety import FallWatch, Safety, sound_height
 from quadruped_sim.states import ControllerParts, make_states
 from quadruped_sim.states.driving import damping_command, Passive
 from quadruped_sim.states.jump import highest
@@ -39,6 +40,7 @@ from quadruped_sim.states.lying import obstacle
 from quadruped_sim.states.policy import Policy, Walker
 
 _UP = np.array((0.0, 0.0, 1.0))
+_NO_FOOT = np.zeros(4)
 # What is told who presses p without a policy.
 NO_POLICY = 'start with --policy FILE (there is no policy to play)'
 # States that velocities drive.
@@ -219,11 +221,14 @@ class LegController:
         self.is_fallen = False  # whether it lies on its side or back, or has since it stood
         self.event: str | None = None
         self._odometry: BaseOdometry | None = None
+        # What a state asked the motors for last, and what is left of that: None if not finite.
+        self._wanted: JointCommand | None = None
+        self._command: JointCommand | None = None
 
     @property
     def state(self) -> str:
         """Name of the present state."""
-        return self._machine.state.value
+        return self._machine.state._value_  # at each step of control: faster than `value`
 
     @property
     def rests(self) -> bool:
@@ -348,21 +353,26 @@ class LegController:
     def _answer(self, good: Reading, dt: float, truth: BaseState | None) -> JointCommand:
         """Estimate, change the state if that is due, and take a step of it."""
         robot = self._estimate(good, dt, truth)
-        if not is_sound_state(robot.flat):
+        height = sound_height(robot.flat)
+        if math.isnan(height):
             return self._recover(good, 'the estimate is not finite')
         self._last_sound[:] = self._robot_bytes
         self.robot = robot
-        still_lies = self.is_fallen and self._machine.state is StateName.PASSIVE
-        height = robot.height(self.model.geometry.foot_radius) / self.model.standing_height
-        down = self._falls.step(height, self._states[self._machine.state].may_be_low, dt)
-        self.is_fallen = still_lies or down is not None or self.safety.is_fallen(robot.base.R)
+        model, name = self.model, self._machine.state
+        share = (model.geometry.foot_radius + height) / model.standing_height
+        down = self._falls.step(share, self._states[name].may_be_low, dt)
+        still_lies, tilts = name is StateName.PASSIVE, self.safety.is_fallen(robot.base.R)
+        self.is_fallen = (self.is_fallen and still_lies) or down is not None or tilts
         self._change_gait()
-        self._change_state(robot, down)
+        self._change_state(robot, down, tilts)
         state = self._states[self._machine.state]
-        command = self.safety.filter_command(state.step(robot, dt))
-        if command is None:
+        wanted = state.step(robot, dt)
+        if wanted is not self._wanted:  # else it holds the last one
+            self._wanted, self._command = wanted, self.safety.filter_command(wanted)
+        if self._command is None:
             self._let_go('a command to the motors is not finite')
-        return command or damping_command(self.model.scale, robot.joint_position)
+            return damping_command(self.model.scale, robot.joint_position)
+        return self._command
 
     def _recover(self, reading: Reading, reason: str) -> JointCommand:
         """Damp; begin the estimate again from where the robot was, whatever broke it."""
@@ -381,7 +391,7 @@ class LegController:
         self._is_down = False
         return damping_command(self.model.scale, reading.joints.position)
 
-    def _change_state(self, robot: RobotState, down: str | None) -> None:
+    def _change_state(self, robot: RobotState, down: str | None, tilts: bool) -> None:
         """Enter the state that a guard, the end of the present one or a key leads to."""
         self._parts.is_fed_slowly = bool(self.hindrance)
         state = self._states[self._machine.state]
@@ -390,7 +400,9 @@ class LegController:
             state.failure
             or down
             or self.safety.reason_to_let_go(
-                None if may_lie else robot.base.R, robot.joint_position, self._failures_in_a_row()
+                robot.base.R if tilts and not may_lie else None,
+                robot.joint_position,
+                self._failures_in_a_row(),
             )
         )
         if reason is not None:
@@ -419,14 +431,15 @@ class LegController:
             self.event = reason
 
     def _failures_in_a_row(self) -> int:
-        return max(solver.failures_in_a_row for solver in self._solvers)
+        mpc, whole_body = self._solvers
+        return max(mpc.failures_in_a_row, whole_body.failures_in_a_row)
 
     def _estimate(self, reading: Reading, dt: float, truth: BaseState | None) -> RobotState:
         """Base, feet, contacts and dynamics at this reading."""
         robot, base, joints = self._robot, self._robot.base, reading.joints
         assert reading.imu is not None  # `filter_reading` lets none without one through
-        measured, moves = reading.imu.orientation, (joints.position, joints.velocity)
-        read_legs(self._geometry, robot.flat, moves, measured, self._measured)
+        measured = reading.imu.orientation, self._measured
+        read_legs(self._geometry, robot.flat, joints.position, joints.velocity, *measured)
         is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
         normal = self.locomotion.normal() if is_trotting else _UP
         if truth is None or not self._uses_truth:
@@ -453,11 +466,11 @@ class LegController:
     def _filter(self, imu: ImuReading, normal: np.ndarray, is_walking: bool, dt: float) -> None:
         """Base by the Kalman filter; orientation by the IMU, less the drift known."""
         robot, base, motion = self._robot, self._robot.base, self._robot.motion
-        state, kalman, R = self._states[self._machine.state], self._kalman, self._measured
-        is_passive = self._machine.state is StateName.PASSIVE
+        name, kalman, R = self._machine.state, self._kalman, self._measured
+        state, is_passive = self._states[name], name is StateName.PASSIVE
         lies = state.is_lying or (is_passive and (self._is_down or self._rests_on_trunk(R)))
         self._is_down = lies
-        stands = np.zeros(4) if lies else state.trust
+        stands = _NO_FOOT if lies else state.trust
         self._heading.step(R, motion.position, stands, dt)
         if not self._is_started:
             self._start(motion.position @ R.T)

@@ -134,11 +134,12 @@ class Legs:
         if (joint_names, motor_names) != self._names:
             self._names = joint_names, motor_names
             self._joints = JointMap(self.model.quadruped, joint_names, motor_names)
-        command = self.controller.step(self._joints.reading(reading), dt, truth)
-        if remark := self.controller.take_remark():
+        controller = self.controller
+        command = controller.step(self._joints.reading(reading), dt, truth)
+        if remark := controller.take_remark():
             self.say(remark)
-        if self.controller.state != self._state:
-            self._state = self.controller.state
+        if (state := controller.state) != self._state:
+            self._state = state
             if self.controller.event is not None and self._state == StateName.PASSIVE:
                 self._say_event(self.controller.event)
         return self._joints.command(command)

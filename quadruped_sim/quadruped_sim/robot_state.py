@@ -89,7 +89,7 @@ class RobotState:
 
     def height(self, radius: float) -> float:
         """Height of the base above the ground under its lowest foot, a ball of `radius` [m]."""
-        return radius - _lowest_foot(self.flat)
+        return radius - lowest_foot(self.flat)
 
     @property
     def mass(self) -> float:
@@ -98,7 +98,7 @@ class RobotState:
 
 
 @jit
-def _lowest_foot(robot: np.ndarray) -> float:
+def lowest_foot(robot: np.ndarray) -> float:
     """Return the height of the lowest foot of a flat `RobotState` above its base [m]."""
     R, feet = robot[0].base.R, robot[0].motion.position
     lowest = math.inf
@@ -111,19 +111,20 @@ def _lowest_foot(robot: np.ndarray) -> float:
 def read_legs(
     leg: LegGeometry,
     robot: np.ndarray,
-    joints: tuple[np.ndarray, np.ndarray],
+    position: np.ndarray,
+    velocity: np.ndarray,
     measured: np.ndarray,
     R: np.ndarray,
 ) -> None:
     """
-    Write positions and velocities (12,) of joints into a flat `RobotState`, and the feet's.
+    Write `position` and `velocity` (12,) of joints into a flat `RobotState`, and the feet's.
 
     `R` (3, 3) becomes the rotation matrix of the orientation `measured` (4,).
     """
     state = robot[0]
     write_rotation(measured, R)
     for i in range(12):
-        state.joint_position[i], state.joint_velocity[i] = joints[0][i], joints[1][i]
+        state.joint_position[i], state.joint_velocity[i] = position[i], velocity[i]
     move_legs(LegGeometry(*leg), state.joint_position, state.joint_velocity, state.motion)
 
 

@@ -8,6 +8,7 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import JointCommand, Reading
 
 from quadruped_sim.robot_model import JointLimits
+from quadruped_sim.robot_state import lowest_foot
 from quadruped_sim.tuning import SafetyParameters
 
 # Of the base's height in the stand: a robot is up from the one share on, and down below the other.
@@ -84,11 +85,11 @@ class Safety:
 
     def tilt(self, R: np.ndarray) -> float:
         """Angle between the base's z axis and the world's [rad]."""
-        return math.acos(min(max(float(R[2, 2]), -1.0), 1.0))
+        return math.acos(min(max(R.item(8), -1.0), 1.0))
 
     def is_fallen(self, R: np.ndarray) -> bool:
         """Whether the base is tilted too far to stand."""
-        return self.tilt(R) > self.params.tilt_max
+        return math.acos(min(max(R.item(8), -1.0), 1.0)) > self.params.tilt_max
 
     def reason_to_let_go(
         self, R: np.ndarray | None, joint_position: np.ndarray, failures_in_a_row: int
@@ -106,10 +107,15 @@ class Safety:
         return None
 
     def filter_command(self, command: JointCommand) -> JointCommand | None:
-        """Command with efforts inside the motors' limits; None instead of one with NaN."""
+        """
+        Command with efforts inside the motors' limits; None instead of one with NaN.
+
+        It is not to be written into: who gets the same one again knows that nothing has changed.
+        """
         parts = np.concatenate(command).reshape(5, -1)
         if not _limit(parts, self._limits.effort):
             return None
+        parts.flags.writeable = False
         return JointCommand(*parts)
 
 
@@ -118,8 +124,12 @@ def _is_finite(reading: Reading) -> bool:
 
 
 @jit
-def is_sound_state(robot: np.ndarray) -> bool:
-    """Whether all that a flat `RobotState` tells of base, feet and dynamics is below 1e150."""
+def sound_height(robot: np.ndarray) -> float:
+    """
+    Return how high the base of a flat `RobotState` is over its lowest foot [m].
+
+    NaN unless all that it tells of base, feet and dynamics is below 1e150.
+    """
     state = robot[0]
     base, dynamics = state.base, state.dynamics
     squares = 0.0
@@ -134,7 +144,7 @@ def is_sound_state(robot: np.ndarray) -> bool:
         squares += dynamics.bias[i] ** 2
         for k in range(18):
             squares += dynamics.mass[i, k] ** 2
-    return math.isfinite(squares)
+    return -lowest_foot(robot) if math.isfinite(squares) else math.nan
 
 
 @jit

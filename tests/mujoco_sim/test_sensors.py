@@ -35,7 +35,7 @@ def turn_by(orientation, rotation):
     drawn = np.concatenate((np.zeros(24), rotation, np.zeros(6))), np.zeros(6)
     true = ImuReading(orientation, none, none)
     errors = none, none, np.zeros(1)
-    return add_noise(sizes[:], JOINTS, true, errors, drawn, 0.0).imu.orientation
+    return add_noise(np.array(sizes), JOINTS, true, errors, drawn, 0.0).imu.orientation
 
 
 def angle_between(one, other):

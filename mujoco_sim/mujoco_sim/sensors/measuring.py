@@ -3,11 +3,12 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+import math
 from typing import Any, cast
 
 import numpy as np
 from robot_description.description import Description
-from wasd_core.timing import Beat
+from wasd_core.timing import Beat, ROUNDING
 
 from mujoco_sim.parameters import HONEST, IDEAL, SimulatorParameters
 from mujoco_sim.sensors.cloud import CloudTag, idealised
@@ -68,6 +69,7 @@ class Sensors:
         self.tune(settings)
         self._sensors: list[_SensorTopics] = []
         self._start = self._stepped = world.time
+        self._idle_until = -math.inf  # nothing is due before [s]
         self._beats: list[Beat] = []
         for tags, kind in zip(found.kinds, SENSORS, strict=True):
             for tag in tags:
@@ -96,6 +98,8 @@ class Sensors:
         """Measure what is due now."""
         now = self._world.time
         dt, self._stepped = now - self._stepped, now
+        if now < self._idle_until:
+            return
         for index, (beat, one) in enumerate(zip(self._beats, self._sensors, strict=True)):
             before, is_due = beat.number, beat.is_due(now - self._start, one.rate)
             if one.turns:
@@ -104,6 +108,15 @@ class Sensors:
             elif is_due and (wanted := one.wanted()):
                 sensor = cast(Sensor, one.sensor)
                 _tell(now, sensor.measure(wanted, self._random(index, beat.number)), wanted)
+        self._idle_until = self._next_beat()
+
+    def _next_beat(self) -> float:
+        """Return a time [s] up to which nothing is due; -infinity while a sensor turns."""
+        if any(one.turns and cast(Turning, one.sensor).is_turning for one in self._sensors):
+            return -math.inf
+        both = zip(self._beats, self._sensors, strict=True)
+        ahead = min(((beat.number + 1) / one.rate for beat, one in both), default=math.inf)
+        return self._start + ahead - 2.0 * ROUNDING
 
     def _turn(self, index: int, one: '_SensorTopics', dt: float, numbers: tuple[int, int]) -> None:
         """
@@ -136,6 +149,7 @@ class Sensors:
     def reset(self) -> None:
         """Draw the noise again from its beginning, as the robot is back at its own."""
         self._start = self._stepped = self._world.time
+        self._idle_until = -math.inf
         self._beats = [Beat() for _ in self._sensors]
         for one in self._sensors:
             if one.turns:

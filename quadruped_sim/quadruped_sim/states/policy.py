@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A walker from outside, as a neural network, in place of the gait: key p."""
 
+from collections.abc import Callable
+import math
 from typing import Protocol
 
 import numpy as np
 from wasd_core.errors import suggest, UserError
+from wasd_core.jit import jit
 from wasd_core.robot_io import JointCommand, JointTargets, Senses
 
 from quadruped_sim.robot_model import NO_TORQUE
@@ -16,7 +19,7 @@ SETTLE_TIME = 1.0
 # A command is not followed if for so long [s] less than this share of it comes out, of one that
 # is above the least [m/s], [m/s], [rad/s].
 NOT_FOLLOWED_TIME, SHARE = 2.0, 0.4
-LEAST = np.array((0.1, 0.1, 0.15))
+LEAST = (0.1, 0.1, 0.15)
 AXES = (('ahead', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
 # Averages of what comes out, over the steps of a gait [s].
 AVERAGE_TIME = 0.5
@@ -29,7 +32,8 @@ class Walker(Protocol):
     A controller that walks in place of the gait; joints are in its own order.
 
     `default` (n,) is the pose in which it begins [rad]. `ranges` are those of the velocities that
-    that it knows, or None. `failure` is '' while all is well.
+    that it knows, or None. `failure` is '' while all is well. One that has `is_due(dt)` is not
+    stepped where that says no: its targets stay, and its next `dt` is the whole time since.
     """
 
     joints: tuple[str, ...]
@@ -45,6 +49,14 @@ class Walker(Protocol):
 
     def step(self, senses: Senses, command: np.ndarray, dt: float) -> JointTargets:
         """Return joint targets, `dt` [s] after the step before; `command` (3,) is a velocity."""
+
+
+@jit
+def _find_trust(trust: np.ndarray, robot: np.ndarray, dt: float) -> None:
+    """Trust feet (4,) that touch, more with time: no schedule says which stand."""
+    is_contact = robot[0].is_contact
+    for i in range(4):
+        trust[i] = min(trust[i] + dt / TRUST_TIME, 1.0) if is_contact[i] else 0.0
 
 
 class Policy(Trotting):
@@ -74,6 +86,7 @@ class Policy(Trotting):
         self._theirs = np.array([names.index(name) for name in walker.joints])
         self._ours = np.argsort(self._theirs)
         self._sign, self._zero = quadruped.sign, quadruped.zero
+        self._is_due: Callable[[float], bool] = getattr(walker, 'is_due', lambda dt: True)
         self._low, self._high = -np.full(3, np.inf), np.full(3, np.inf)
         if walker.ranges is not None:
             self._low, self._high = np.array(walker.ranges).T
@@ -92,9 +105,11 @@ class Policy(Trotting):
         self._default = self._sign * self._walker.default[self._ours] + self._zero
         self._start = robot.joint_position.copy()
         self._time = 0.0
+        self._held: JointCommand | None = None
+        self._waited = 0.0  # since the walker's last step [s]
         self._used_sticks = False
-        self._moved = np.zeros(3)  # what comes out, averaged
-        self._behind = np.zeros(3)  # for how long a command has not been followed [s]
+        self._moved = [0.0, 0.0, 0.0]  # what comes out, averaged
+        self._behind = [0.0, 0.0, 0.0]  # for how long a command has not been followed [s]
         self._is_told = [False, False, False]
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
@@ -104,24 +119,27 @@ class Policy(Trotting):
             share = smooth(self._time / SETTLE_TIME)
             pose = self._start + share * (self._default - self._start)
             return stiff_command(self._parts.model, pose)
-        self._find_trust(robot, dt)
+        _find_trust(self.trust, robot.flat, dt)
+        self._waited += dt
+        if self._held is None or self._is_due(self._waited):
+            self._held = self._walk(robot, self._waited)
+            self._waited = 0.0
+        return self._held
+
+    def _walk(self, robot: RobotState, dt: float) -> JointCommand:
+        """Have the walker step, `dt` [s] after the step before."""
         self._read_command()
         asked = self._parts.command_filter
         asked.velocity = None
-        command = np.clip(asked.step(dt), self._low, self._high)
-        self._watch(robot, command, dt)
-        position = self._sign * (robot.joint_position - self._zero)
-        velocity = self._sign * robot.joint_velocity
-        senses = Senses(
-            robot.orientation,
-            robot.base.omega,
-            robot.base.velocity @ robot.base.R,
-            position[self._theirs],
-            velocity[self._theirs],
-        )
-        targets = self._walker.step(senses, command, dt)
-        position, kp, kd = (part[self._ours] for part in targets)
-        return NO_TORQUE._replace(position=self._sign * position + self._zero, kp=kp, kd=kd)
+        command = np.minimum(np.maximum(asked.step(dt), self._low), self._high)
+        base, position = robot.base, self._sign * (robot.joint_position - self._zero)
+        moves, velocity = base.velocity @ base.R, self._sign * robot.joint_velocity
+        self._watch([*moves[:2].tolist(), float(base.omega[2])], command.tolist(), dt)
+        joints = position[self._theirs], velocity[self._theirs]
+        senses = Senses(robot.orientation, base.omega, moves, *joints)
+        position, kp, kd = self._walker.step(senses, command, dt)
+        position = self._sign * position[self._ours] + self._zero
+        return NO_TORQUE._replace(position=position, kp=kp[self._ours], kd=kd[self._ours])
 
     def _read_command(self) -> None:
         """Ask for what the sticks say once they have been moved; else cmd_vel asks."""
@@ -131,23 +149,18 @@ class Policy(Trotting):
             super()._read_command()
         self._used_sticks = is_held
 
-    def _find_trust(self, robot: RobotState, dt: float) -> None:
-        """Trust feet that touch, more with time: no schedule says which stand."""
-        risen = np.minimum(self.trust + dt / TRUST_TIME, 1.0)
-        self.trust = np.where(robot.is_contact, risen, 0.0)
-
-    def _watch(self, robot: RobotState, command: np.ndarray, dt: float) -> None:
-        """Say once of each direction that the walker does not follow it."""
-        vx, vy, _ = (robot.base.velocity @ robot.base.R).tolist()
-        now = np.array((vx, vy, float(robot.base.omega[2])))
-        self._moved += min(dt / AVERAGE_TIME, 1.0) * (now - self._moved)
-        follows = self._moved * np.sign(command) >= SHARE * np.abs(command)
-        is_behind = (np.abs(command) > LEAST) & ~follows
-        self._behind = np.where(is_behind, self._behind + dt, 0.0)
-        for axis in np.flatnonzero(self._behind > NOT_FOLLOWED_TIME).tolist():
-            if not self._is_told[axis]:
+    def _watch(self, moves: list[float], command: list[float], dt: float) -> None:
+        """Say once of each direction, ahead, left and turn, that the walker does not follow it."""
+        share = min(dt / AVERAGE_TIME, 1.0)
+        # In plain numbers: numpy takes ten times as long for three of them.
+        for axis, (now, asked) in enumerate(zip(moves, command, strict=True)):
+            self._moved[axis] += share * (now - self._moved[axis])
+            ahead = math.copysign(self._moved[axis], self._moved[axis] * asked)
+            is_behind = abs(asked) > LEAST[axis] and ahead < SHARE * abs(asked)
+            self._behind[axis] = self._behind[axis] + dt if is_behind else 0.0
+            if self._behind[axis] > NOT_FOLLOWED_TIME and not self._is_told[axis]:
                 self._is_told[axis] = True
-                self._parts.remark = self._words(axis, float(command[axis]))
+                self._parts.remark = self._words(axis, asked)
 
     def _words(self, axis: int, command: float) -> str:
         name, unit = AXES[axis]

@@ -66,6 +66,8 @@ class RosFace:
         self.nodes: list[Node] = [
             *(self.simulator, *self.controller.nodes, self._states, self.keys, self.drivers)
         ]
+        # Those that look at their clocks only as they handle messages.
+        self.idle_nodes: list[Node] = [self.simulator, self._states, self.keys, self.drivers]
         self.controller.admit()
         robot.on_key.append(self._tell_key)
         if world.prefix:
@@ -119,7 +121,10 @@ class RosFaces(Face):
         self.faces = [RosFace(robot) for robot in run.robots]
         self.nodes: list[Node] = [node for face in self.faces for node in face.nodes]
         self._pump = MessagePump()
+        self._now = Time(clock_type=ClockType.ROS_TIME)
+        # Of the nodes that stamp by their clocks in any instant, and of those that do not.
         self._clocks: list[ROSClock] = []
+        self._idle_clocks: list[ROSClock] = []
 
     def show_navigation(self, navigation: 'NavigationDriver') -> None:
         """Show a robot's navigator; its parameters configure it."""
@@ -143,15 +148,17 @@ class RosFaces(Face):
             face.drivers.on_stop, face.drivers.on_release = run.e_stop, run.end_e_stop
             face.controller.on_e_stop(functools.partial(run.e_stop, 'service e_stop'))
         self._let_drive()
-        self._clocks = [cast(ROSClock, node.get_clock()) for node in self.nodes]
         time_source = TimeSource()
         time_source.ros_time_is_active = True
-        for node, clock in zip(self.nodes, self._clocks, strict=True):
+        idle = [node for face in self.faces for node in face.idle_nodes]
+        for node in self.nodes:
+            clock = cast(ROSClock, node.get_clock())
             self._pump.add_node(node)
             time_source.attach_clock(clock)
+            (self._idle_clocks if node in idle else self._clocks).append(clock)
         if self._bag is not None:
             bag = self._bag
-            bag.now = self._now
+            bag.now = self._nanoseconds
             run.simulation.on_reset.append(lambda: bag.event('reset'))
             run.listeners.of_e_stop.append(lambda: bag.event('e-stop'))
 
@@ -169,21 +176,21 @@ class RosFaces(Face):
             from wasd_bringup.ros.foxglove import FoxgloveDriver
             from wasd_bringup.ros.foxglove_inbox import Target
 
-            self._foxglove.now = self._now
+            self._foxglove.now = self._nanoseconds
             targets = [
                 Target(face.robot, face.controller.command_topic, face.key_topic)
                 for face in self.faces
             ]
             run.join(FoxgloveDriver(self._foxglove, targets, self.nodes))
 
-    def _now(self) -> int:
+    def _nanoseconds(self) -> int:
         return round(self._run.world.time * 1e9)
 
     def begin_instant(self, now: float) -> None:
         """Set the nodes' clocks to a simulated time [s]."""
-        instant = Time(nanoseconds=round(1e9 * now), clock_type=ClockType.ROS_TIME)
+        self._now = Time(nanoseconds=round(1e9 * now), clock_type=ClockType.ROS_TIME)
         for clock in self._clocks:
-            clock.set_ros_time_override(instant)
+            clock.set_ros_time_override(self._now)
 
     def look_who_drives(self) -> None:
         """Publish who drives each robot, where that has changed."""
@@ -205,6 +212,8 @@ class RosFaces(Face):
 
     def handle(self, timeout: float) -> None:
         """Take messages, waiting for them up to `timeout` [s]."""
+        for clock in self._idle_clocks:
+            clock.set_ros_time_override(self._now)
         self._pump.handle(timeout)
 
     def save(self) -> None:

@@ -244,12 +244,11 @@ class Go2(Robot):
 
     def control(self) -> None:
         """Step the controller on the present state, and give its command to the world."""
-        world = self.world
-        truth = world.base_since_start() if self.estimator == 'truth' else None
-        names = world.joint_names, world.motor_names
+        world, dt = self.world, self.period
+        truth = world.base_since_start() if self.options.estimator == 'truth' else None
         if self.outside is not None:
-            self.outside.step(self.period)
-        own = self.legs.control(world.read(), *names, self.period, truth)
+            self.outside.step(dt)
+        own = self.legs.control(world.read(), world.joint_names, world.motor_names, dt, truth)
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
         self.elevation.step()
@@ -273,13 +272,14 @@ class Go2(Robot):
     def sample(self) -> Sample:
         """Return the present sample of the report."""
         controller = self.legs.controller
-        odometry = controller.odometry
+        robot = controller.robot  # `odometry` computes covariances, too: slower
         pose = (0.0, 0.0, 0.0)
-        if odometry is not None:
-            yaw = rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2]
-            pose = (float(odometry.position[0]), float(odometry.position[1]), float(yaw))
+        if robot is not None:
+            yaw = rpy_from_matrix(matrix_from_quaternion(robot.orientation))[2]
+            x, y, _ = robot.base.position.tolist()
+            pose = (x, y, float(yaw))
         forces = self.world.contact_forces(self._touching)
-        touching = (forces > 0.0).astype(int).tolist()
+        touching = [int(force > 0.0) for force in forces.tolist()]
         is_down = self._trunk.is_down(
             any(touching[4:]) or controller.is_fallen, controller.state, controller.event
         )

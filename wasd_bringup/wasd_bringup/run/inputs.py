@@ -199,14 +199,21 @@ class Player(Generic[Event]):
     def __init__(self, events: Sequence[Event]) -> None:
         self._events = sorted(events, key=lambda event: event.time)
         self._next = 0
+        self._set_next_time()
+
+    def _set_next_time(self) -> None:
+        # From which simulated time on there is something to do [s]; infinity when all is done.
+        is_over = self._next == len(self._events)
+        self.next_time = math.inf if is_over else self._events[self._next].time - SLACK
 
     def due(self, time: float) -> list[Event]:
         """Return the events up to a simulated time [s] that were not returned before."""
-        first, end = self._next, len(self._events)
-        if first == end or self._events[first].time > time + SLACK:
+        if time < self.next_time:
             return []  # in almost every instant
+        first, end = self._next, len(self._events)
         while self._next < end and self._events[self._next].time <= time + SLACK:
             self._next += 1
+        self._set_next_time()
         return list(self._events[first : self._next])
 
 
@@ -220,6 +227,11 @@ class BoxPlayer:
     ) -> None:
         self._boxes, self._put = boxes, put
         self._player = Player(boxes)
+
+    @property
+    def next_time(self) -> float:
+        """The simulated time [s] from which on one is due."""
+        return self._player.next_time
 
     def step(self, time: float) -> list[ScriptedBox]:
         """Put those that are due at a simulated time [s]; return the ones that have no place."""

@@ -304,11 +304,12 @@ class Robot(ABC):
         if self.logic is not None:
             self.logic.reset()
 
-    def begin_instant(self) -> None:
-        """Apply the pushes that are due."""
-        self.drivers.time = self.world.time
-        for push in self._pushes.due(self.world.time):
-            self.world.push(push.force, push.duration, push.point)
+    def begin_instant(self, now: float) -> None:
+        """Apply the pushes that are due at a simulated time [s]."""
+        self.drivers.time = now
+        if now >= self._pushes.next_time:
+            for push in self._pushes.due(now):
+                self.world.push(push.force, push.duration, push.point)
 
     def schedule_control(self, schedule: Schedule) -> None:
         """Step scripts, keys and controller on a schedule, in this order."""

@@ -118,6 +118,8 @@ class Run:
         """
         self.options = options
         self._reader = reader
+        # Whether it does not end with its keys.
+        self._is_endless = options.has_guests or options.duration != math.inf
         self._view: View | None = None
         self._where = ''  # it is
         self.listeners = Listeners()
@@ -200,7 +202,7 @@ class Run:
         return made
 
     def _may_advance(self) -> bool:
-        return all(gate() for gate in self._gates)
+        return not self._gates or all(gate() for gate in self._gates)
 
     @property
     def active(self) -> int:
@@ -337,6 +339,7 @@ class Run:
         self._key_player = Player(options.keys or ())
         self._commands = Player(options.commands or ())
         self._boxes = BoxPlayer(options.boxes, self.world.boxes.put)
+        self._next_event = -math.inf
         schedule.every(min(robot.period for robot in self.robots), self._begin_instant)
         schedule.every(1.0 / TWIST_RATE, self._look_who_drives)
         for driver in self._drivers:
@@ -353,13 +356,20 @@ class Run:
         instant = self.world.time
         self.face.begin_instant(instant)
         for robot in self.robots:
-            robot.begin_instant()
+            robot.begin_instant(instant)
+        if instant >= self._next_event:
+            self._play(instant)
+
+    def _play(self, instant: float) -> None:
+        """Do what scripts say is due at a simulated time [s]."""
         for box in self._boxes.step(instant):
             self.robot.say(f'no box at {box.x:g} {box.y:g}: a robot is there')
         for command in self._commands.due(instant):
             self._repeat(command)
         for press in self._key_player.due(instant):
             self.press(press.key, 'script')
+        players = self._boxes, self._commands, self._key_player
+        self._next_event = min(player.next_time for player in players)
 
     def _look_who_drives(self) -> None:
         """Release silent sources, and publish who drives."""
@@ -487,8 +497,7 @@ class Run:
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""
-        is_endless = self.options.has_guests or self.options.duration != math.inf
-        if self._reader is None or is_endless:
+        if self._reader is None or self._is_endless:
             return False
         if self._reader.closed and self._ended_at == math.inf:
             self._ended_at = self.world.time
