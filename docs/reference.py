@@ -82,6 +82,7 @@ TOPICS = {
 }
 SERVICES = {
     'simulator ~/reset': 'put the robot back at its start; time goes on',
+    'simulator ~/hoist': 'hold the robot by the hoist, or let go (with `hoist:=true`)',
     'simulator ~/pause': 'stop physics and /clock, or continue',
     'simulator ~/step': 'one physics step while paused',
     'leg_controller ~/e_stop': 'make the legs passive at once',

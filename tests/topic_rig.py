@@ -43,12 +43,16 @@ def place(odometry):
 class Rig:
     """A simulator and a controller of its robot, which know each other by topics only."""
 
-    def __init__(self, spawn, spin_until, make_controller, description, **parameters):
+    def __init__(
+        self, spawn, spin_until, make_controller, description, simulator=(), **parameters
+    ):
+        """`simulator` are parameters of the simulator, by name; `parameters` the controller's."""
         self.simulator = spawn(
             SimulatorNode(
                 parameter_overrides=[
                     Parameter('description', value=description),
                     Parameter('state_rate', value=1.0 / PERIOD),
+                    *(Parameter(name, value=value) for name, value in dict(simulator).items()),
                 ]
             )
         )

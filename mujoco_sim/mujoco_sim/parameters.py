@@ -107,6 +107,11 @@ class SimulatorParameters(Parameters):
         maximum=1.0,
         read_only=True,
     )
+    hoist: bool = parameter(
+        False,
+        doc='Begin on a hoist, upright: for a robot on two legs, until its controller holds it',
+        read_only=True,
+    )
     imu_drift: float = parameter(
         1.0,
         minimum=0.0,

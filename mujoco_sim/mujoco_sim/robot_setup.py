@@ -120,7 +120,10 @@ def usual_setup(
 
 
 def upright_setup(
-    description: Description, positions: Mapping[str, float], untold: Untold = NOTHING
+    description: Description,
+    positions: Mapping[str, float],
+    untold: Untold = NOTHING,
+    noise: bool = True,
 ) -> RobotSetup:
     """
     Return a robot on its feet with joints at positions [rad], with real motors and sensors.
@@ -133,7 +136,7 @@ def upright_setup(
         sink=0.0,
         speed_limits={joint.name: joint.velocity for joint in joints},
         command_delay=COMMAND_DELAY,
-        noise=SensorNoise().drifting(untold.imu_drift),
+        noise=SensorNoise().drifting(untold.imu_drift) if noise else None,
         imu=True,
         untold=untold,
     )

@@ -26,8 +26,9 @@ from wasd_core.signals import StopSignals
 from wasd_core.streams import visible
 from wasd_core.topics import has_listener, RELIABLE, SENSOR_DATA
 
+from mujoco_sim.hoist import Hoist
 from mujoco_sim.parameters import SHOWN_RATE, simulator, SimulatorParameters, STATE_RATE, Untold
-from mujoco_sim.robot_setup import foot_links, randomise, usual_setup
+from mujoco_sim.robot_setup import foot_links, randomise, upright_setup, usual_setup
 from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.publisher import publish_sensors
 from mujoco_sim.sensors.table import has_camera
@@ -102,13 +103,24 @@ class SimulatorNode(Node):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
+        self._hoist: Hoist | None = None
         if simulation is None:
             self._take_commands()
+            self._hang()
 
     def _take_commands(self) -> None:
         self.create_subscription(JointTrajectory, 'joint_commands', self._on_command, SENSOR_DATA)
         self.simulation.schedule.every(self._world.time_step, self._watch_commands)
         self.simulation.schedule.every(self._world.time_step, self.truth.remember)
+
+    def _hang(self) -> None:
+        """Hold the robot by a hoist, where the parameter says so, until the service lets go."""
+        self.create_service(SetBool, '~/hoist', self._on_hoist)
+        if self.settings.hoist:
+            hoist, period = Hoist(self._world), 1.0 / LEG_RATE
+            self.simulation.schedule.every(period, lambda: hoist.step(period))
+            self.simulation.on_reset.append(hoist.reset)
+            self._hoist = hoist
 
     def _usual_rate(self, is_alone: bool) -> float:
         """Return how often the state is published [Hz]; what nobody has said, the robot says."""
@@ -116,7 +128,7 @@ class SimulatorNode(Node):
             return self.settings.state_rate
         if not is_alone:
             return SHOWN_RATE
-        return LEG_RATE if self._feet else STATE_RATE
+        return LEG_RATE if self._feet or self.settings.hoist else STATE_RATE
 
     def schedule_publishing(self) -> None:
         """
@@ -169,8 +181,12 @@ class SimulatorNode(Node):
 
     def _build_world(self, robot: Description) -> World:
         untold = Untold.from_parameters(self.settings)
-        setup = usual_setup(robot, self.settings.sensor_noise, untold)
-        setup = randomise(setup, self.settings.seed, robot)
+        noise = self.settings.sensor_noise
+        if self.settings.hoist:
+            joints = [joint for joint in robot.robot.movable_joints if not joint.mimics]
+            setup = upright_setup(robot, {j.name: j.rest for j in joints}, untold, noise)
+        else:
+            setup = randomise(usual_setup(robot, noise, untold), self.settings.seed, robot)
         try:
             visuals = has_camera(robot.robot)
             return build_world(robot, self.settings.world, self.settings.seed, setup, visuals)
@@ -255,6 +271,18 @@ class SimulatorNode(Node):
         self.simulation.paused = request.data
         response.success = True
         response.message = 'paused' if request.data else 'running'
+        return response
+
+    def _on_hoist(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._hoist is None:
+            response.message = 'there is no hoist: start the simulator with hoist:=true'
+            return response
+        if request.data:
+            self._hoist.take()
+        else:
+            self._hoist.let_go()
+        response.success = True
+        response.message = 'the hoist holds it' if request.data else 'the hoist has let go'
         return response
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
