@@ -104,6 +104,7 @@ class JointController:
         """Forget the past: passive, at rest."""
         self.state = State.PASSIVE
         self.is_fallen = False
+        self.hindrance = ''  # why the network must not walk now; '' if it may
         self._remark = ''
         self._settled = 0.0
         self._rest()
@@ -119,6 +120,8 @@ class JointController:
         if wanted is State.POLICY:
             if not self.has_policy:
                 return NO_POLICY
+            if self.hindrance:
+                return self.hindrance
             if self.state is State.PASSIVE:
                 return 'press 2 to stand, then p'
             if self._settled < SETTLE_TIME and self.state is State.STAND:
@@ -174,6 +177,8 @@ class JointController:
         self._watch(math.acos(min(max(-float(gravity_in_base(imu.orientation)[2]), -1.0), 1.0)))
         if self.state is State.PASSIVE:
             return self._damping()
+        if self.state is State.POLICY and self.hindrance:
+            self.press('2')  # motors hold a stand by themselves
         if self.state is State.STAND or self._player is None:
             self._settled += dt
             return self._towards_stand(joints.position)

@@ -13,6 +13,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.feed import Feeds
 from wasd_core.messages import to_imu_reading, to_joint_commands, to_joint_states, to_seconds
 from wasd_core.node import run_node
 from wasd_core.paired import Answer, LONGEST_GAP, Paired, PairedReadings
@@ -28,7 +29,7 @@ from wasd_core.topics import (
     SENSOR_DATA,
 )
 
-from policy_player.joint_controller import JointController, STATE_KEYS
+from policy_player.joint_controller import JointController, State, STATE_KEYS
 from policy_player.parameters import policy_player, PolicyNodeParameters
 from policy_player.player import Player
 from policy_player.policy_file import read_policy
@@ -62,6 +63,10 @@ class PolicyPlayerNode(Node):
         joints = [joint.name for joint in loaded.robot.movable_joints if not joint.mimics]
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
         self._readings = PairedReadings(joints, self._step, self.controller.reset, self._warn)
+        self._feeds: Feeds | None = None
+        if player is not None:
+            topics = 'joint_states', 'imu/data'
+            self._feeds = Feeds(topics, 1.0 / player.spec.period, "the network's rate")
         self._commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._told = ''
@@ -79,21 +84,33 @@ class PolicyPlayerNode(Node):
         self.controller.let_go()
 
     def _on_imu(self, message: Imu) -> None:
-        self._readings.take_imu(to_seconds(message.header.stamp), to_imu_reading(message))
+        now = to_seconds(message.header.stamp)
+        if self._feeds is not None:
+            self._feeds.take('imu/data', now)
+        self._readings.take_imu(now, to_imu_reading(message))
 
     def _on_joints(self, message: JointState) -> None:
-        stamp = message.header.stamp
-        answer = partial(self._answer, stamp)
-        self._readings.take_joints(
-            to_seconds(stamp), tuple(message.name), to_joint_states(message), answer
-        )
+        now, answer = to_seconds(message.header.stamp), partial(self._answer, message.header.stamp)
+        if self._feeds is not None:
+            self._feeds.take('joint_states', now)
+        self._readings.take_joints(now, tuple(message.name), to_joint_states(message), answer)
 
     def _step(self, found: Paired, answer: Answer) -> None:
         if found.gap > LONGEST_GAP:
             self.controller.let_go(f'no joint_states for {found.gap:.1f} s: motors damp')
+        if self._feeds is not None:
+            self._judge_feeds(self._feeds, found.gap)
         order = [found.names.index(name) for name in self.controller.joints]
         joints = JointStates(*(part[order] for part in found.joints))
         answer(self.controller.step(Reading(joints, found.imu), found.gap))
+
+    def _judge_feeds(self, feeds: Feeds, gap: float) -> None:
+        """Let the network walk only while every reading comes often enough."""
+        before = self.controller.hindrance
+        feeds.judge(gap, rests=self.controller.state is not State.POLICY)
+        self.controller.hindrance = feeds.hindrance
+        if feeds.hindrance and not before:
+            self.get_logger().warning(feeds.hindrance)
 
     def _answer(self, stamp: Time, command: JointCommand) -> None:
         """Publish the command for joints of this stamp, and the state."""

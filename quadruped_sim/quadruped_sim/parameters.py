@@ -14,10 +14,10 @@ import math
 from typing import Any, TYPE_CHECKING, TypeVar
 
 from wasd_core.command_line import Executable
+from wasd_core.feed import ENOUGH
 from wasd_core.parameters import group, parameter, Parameters
 from wasd_core.robot_io import GRAVITY, LEG_RATE
 
-from quadruped_sim.feed import ENOUGH
 from quadruped_sim.tuning import (
     BalanceParameters,
     CommandParameters,

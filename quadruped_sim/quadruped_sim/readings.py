@@ -3,17 +3,11 @@
 
 from collections.abc import Callable
 
+from wasd_core.feed import Feeds
 from wasd_core.paired import Answer, LONGEST_GAP, LONGEST_LAG, Paired, PairedReadings
 from wasd_core.robot_io import BaseState, ImuReading, JointStates, Reading
 
-from quadruped_sim.feed import Feed
 from quadruped_sim.legs import Legs
-
-# Who rests is told so long after readings have become slow [s]:
-# a simulator waits for nobody until it is first answered, and states may be lost till then.
-SLOW_AT_REST = 1.0
-# One that moves is stopped after this [s]: what a busy machine loses for a moment does no harm.
-SLOW_IN_MOTION = 0.05
 
 
 class Readings:
@@ -32,8 +26,7 @@ class Readings:
         motors = legs.model.quadruped.joint_names
         self._paired = PairedReadings(motors, self._step, legs.reset, warn, needs_truth)
         topics = ['joint_states', 'imu/data', *['ground_truth/odom'] * needs_truth]
-        self._slow_for = 0.0  # readings have come too slowly for so long [s]
-        self.feeds = {topic: Feed(legs.settings.update_rate) for topic in topics}
+        self.feeds = Feeds(topics, legs.settings.update_rate, 'update_rate')
 
     @property
     def last(self) -> float | None:
@@ -42,19 +35,19 @@ class Readings:
 
     def take_imu(self, now: float, imu: ImuReading) -> None:
         """Take what the IMU measured."""
-        self.feeds['imu/data'].take(now)
+        self.feeds.take('imu/data', now)
         self._paired.take_imu(now, imu)
 
     def take_truth(self, now: float, truth: BaseState) -> None:
         """Take where the base is, as the simulator knows it."""
-        self.feeds['ground_truth/odom'].take(now)
+        self.feeds.take('ground_truth/odom', now)
         self._paired.take_truth(now, truth)
 
     def take_joints(
         self, now: float, names: tuple[str, ...], joints: JointStates, answer: Answer
     ) -> None:
         """Take joints; `answer` gets the command for them, maybe later, maybe never."""
-        self.feeds['joint_states'].take(now)
+        self.feeds.take('joint_states', now)
         self._paired.take_joints(now, names, joints, answer)
 
     def _step(self, found: Paired, answer: Answer) -> None:
@@ -71,18 +64,10 @@ class Readings:
         legs = self._legs.controller
         if gap > LONGEST_GAP:
             legs.e_stop(f'no joint_states for {gap:.1f} s')
-        slow = [topic for topic, feed in self.feeds.items() if feed.is_slow]
-        self._slow_for = self._slow_for + gap if slow else 0.0
-        if legs.hindrance and not slow:
-            legs.hindrance = ''
+        before = legs.hindrance
+        self.feeds.judge(gap, legs.rests)
+        legs.hindrance = self.feeds.hindrance
+        if before and not legs.hindrance:
             self._inform('readings come often enough again: it may move')
-            return
-        patience = SLOW_AT_REST if legs.rests else SLOW_IN_MOTION
-        if not legs.hindrance and self._slow_for > patience:
-            topic, wanted = slow[0], self._legs.settings.update_rate
-            legs.hindrance = (
-                f'{topic} comes at {self.feeds[topic].rate:.0f} Hz, wanted {wanted:g} '
-                f'(update_rate): it does not move; start the simulator with '
-                f'state_rate:={wanted:.1f}'
-            )
+        elif legs.hindrance != before:
             self._legs.say(legs.hindrance)

@@ -167,6 +167,16 @@ def test_a_network_that_says_no_number_ends_in_damping_and_a_line(walking, actio
     assert walking.take_remark() == ''
 
 
+def test_one_that_is_hindered_stands_and_no_key_walks_on(walking):
+    walking.hindrance = 'joint_states comes at 10 Hz'
+    command = run(walking, SETTLE_TIME)
+    assert walking.state is State.STAND
+    np.testing.assert_allclose(command.position, walking._stand.position)
+    assert walking.press('p') == walking.hindrance
+    walking.hindrance = ''
+    assert walking.press('p') == ''
+
+
 def test_beyond_the_tilt_it_damps_and_says_so_once(walking):
     run(walking, 0.1, tilted(FALL_TILT - 0.02))
     assert walking.state is State.POLICY

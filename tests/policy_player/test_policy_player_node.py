@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The policy player moves a robot that it knows by topics only, as a node of its own."""
 
+import re
+
 from geometry_msgs.msg import Twist
 import numpy as np
 from policy_files import mjlab, onnx
 from policy_player.policy_player_node import PolicyPlayerNode
 import pytest
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from topic_rig import Rig
 from wasd_core.errors import UserError
+from wasd_core.messages import to_imu, to_joint_state, to_stamp
 from wasd_core.paired import Paired
+from wasd_core.robot_io import ImuReading, JointStates
 
 pytest.importorskip('onnxruntime')
 LEGS = ('FL', 'FR', 'RL', 'RR')
@@ -63,6 +67,41 @@ def test_without_a_network_a_g1_stands_and_refuses_to_walk(ros):
     assert len(controller.joints) == 29
     assert controller.refusal('2') == ''
     assert controller.press('p').startswith('give --policy FILE')
+
+
+@pytest.mark.parametrize('topic', ['joint_states', 'imu/data'])
+def test_a_network_refuses_readings_slower_than_its_period_in_a_line(ros, network, capfd, topic):
+    """50 Hz are wanted: 60 are enough, 12 are not."""
+    node = make_node(description='go2', policy=network)
+    zeros = np.zeros(12)
+    joints = JointStates(zeros, zeros, zeros)
+    imu = ImuReading(np.array((1.0, 0.0, 0.0, 0.0)), np.zeros(3), np.array((0.0, 0.0, 9.81)))
+
+    def feed(begin, seconds, slow):
+        for index in range(round(60 * seconds)):
+            stamp = to_stamp(begin + index / 60.0)
+            if topic == 'joint_states' or index % slow == 0:
+                node._on_imu(to_imu(imu, 'base', stamp))
+            if topic == 'imu/data' or index % slow == 0:
+                node._on_joints(to_joint_state(JOINTS, joints, stamp))
+
+    feed(0.0, 2.0, 1)
+    assert node.controller.press('2') == ''
+    feed(2.0, 2.0, 1)
+    assert node.controller.press('p') == ''
+    feed(4.0, 1.0, 1)
+    assert node.controller.state == 'policy'
+    capfd.readouterr()
+    feed(5.0, 2.0, 5)
+    said = capfd.readouterr().err
+    assert (
+        len(re.findall(rf"{topic} comes at \d+ Hz, wanted 50 \(the network's rate\)", said)) == 1
+    )
+    assert node.controller.state == 'stand'
+    assert node.controller.press('p').startswith(f'{topic} comes at ')
+    feed(7.0, 2.0, 1)
+    assert node.controller.press('p') == ''
+    node.destroy_node()
 
 
 @pytest.fixture
@@ -148,3 +187,41 @@ def test_a_velocity_is_forgotten_in_half_a_second_also_where_readings_come_slowl
         rig.node._step(slow, lambda command: None)
     assert controller.state == 'policy'
     assert not controller._age.is_alive
+
+
+def hoist(rig, holds):
+    """Ask for the hoist by the simulator's service; return the answer."""
+    client = rig.peer.create_client(SetBool, '/simulator/hoist')
+    answer = client.call_async(SetBool.Request(data=holds))
+    rig.wait_until(answer.done)
+    return answer.result()
+
+
+@pytest.mark.slow
+def test_node_by_node_a_g1_hangs_on_the_hoist_until_it_stands_and_is_raised_again(
+    spawn, spin_until
+):
+    rig = Rig(spawn, spin_until, PolicyPlayerNode, 'g1', {'hoist': True})
+    start = rig.world.base().position[2]
+    rig.run(1.0)  # limp
+    assert rig.world.base().tilt < 0.1
+    press(rig, '2', 'stand')
+    rig.run(2.0)
+    assert hoist(rig, False).message == 'the hoist has let go'
+    rig.run(2.0)
+    assert rig.world.base().tilt < 0.1
+    assert rig.world.base().position[2] > start - 0.1
+    press(rig, '1', 'passive')
+    rig.run(2.5)
+    assert rig.world.base().position[2] < start - 0.3
+    assert hoist(rig, True).message == 'the hoist holds it'
+    rig.run(4.0)
+    assert rig.world.base().tilt < 0.1
+    assert rig.world.base().position[2] > start - 0.05
+
+
+@pytest.mark.slow
+def test_without_the_parameter_there_is_no_hoist(rig):
+    answer = hoist(rig, False)
+    assert not answer.success
+    assert answer.message == 'there is no hoist: start the simulator with hoist:=true'

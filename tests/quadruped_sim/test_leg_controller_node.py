@@ -383,8 +383,8 @@ def test_readings_that_come_too_slowly_move_nothing_and_are_said_once(
     feed, legs, readings, peer, spawn, spin_until, capfd, topic
 ):
     """50 Hz of either: what `ros2 run` of a simulator with another default would give."""
-    (other,) = set(readings.feeds) - {topic}
-    readings.feeds[other].wanted = 1.0  # content with any
+    (other,) = set(readings.feeds.by_topic) - {topic}
+    readings.feeds.by_topic[other].wanted = 1.0  # content with any
     for index in range(60):
         feed(1.0 + 0.02 * index)
     said = f'{topic} comes at 50 Hz, wanted 500 (update_rate): it does not move'

@@ -5,10 +5,10 @@ from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from quadruped_sim.feed import Feed
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.robot_model import JointMap
 from robot_description.description import load_robot
+from wasd_core.feed import Feed
 
 pytestmark = pytest.mark.slow
 

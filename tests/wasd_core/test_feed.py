@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from quadruped_sim.feed import Feed, FEWEST, INTERVALS
+from wasd_core.feed import Feed, Feeds, FEWEST, INTERVALS
 
 
 def fed(feed, rate, seconds, begin=0.0):
@@ -77,3 +77,32 @@ def test_a_stream_that_begins_again_is_judged_by_itself():
     fed(feed, 50.0, 1.0, 100.0)
     fed(feed, 500.0, 0.1)
     assert not feed.is_slow
+
+
+@pytest.mark.parametrize(('rate', 'is_slow'), [(30.0, True), (39.0, True), (45.0, False)])
+def test_what_is_slow_depends_on_the_rate_that_is_wanted(rate, is_slow):
+    """50 Hz, as a network wants them."""
+    feed = Feed(50.0)
+    fed(feed, rate, 1.0)
+    assert feed.is_slow == is_slow
+
+
+def test_one_at_rest_is_told_later_than_one_that_moves_and_both_in_a_line():
+    feeds = Feeds(('joint_states', 'imu/data'), 50.0, "the network's rate")
+    told = {}
+    for rests in (False, True):
+        for index in range(100):
+            feeds.take('joint_states', 0.02 * index)
+            feeds.take('imu/data', 0.1 * index)
+            feeds.judge(0.02, rests)
+            if feeds.hindrance:
+                told.setdefault(rests, index)
+        assert feeds.hindrance == (
+            "imu/data comes at 10 Hz, wanted 50 (the network's rate): it does not move; "
+            'start the simulator with state_rate:=50.0'
+        )
+        for index in range(INTERVALS + 1):
+            feeds.take('imu/data', 20.0 + 0.02 * index)
+        feeds.judge(0.02, rests)
+        assert feeds.hindrance == ''
+    assert told[False] + 30 < told[True]
