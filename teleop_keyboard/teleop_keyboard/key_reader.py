@@ -8,7 +8,7 @@ import select
 import stat
 import sys
 import time
-from typing import Protocol, Self
+from typing import Self
 
 from wasd_core.timing import HELD, HELD_PERIOD, NO_PRESS, with_event
 
@@ -70,20 +70,6 @@ LONGEST_BURST = 2000
 IGNORED = 'pasted text was ignored (keys that are pressed drive)'
 
 
-class Source(Protocol):
-    """A source of bytes of keys."""
-
-    @property
-    def closed(self) -> bool:
-        """Whether nothing more will come."""
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait on."""
-
-    def read(self) -> bytes:
-        """Return all that is there, without waiting."""
-
-
 class Pipe:
     """Bytes of keys from a pipe, a socket or a file."""
 
@@ -107,6 +93,10 @@ class Pipe:
         self._closed = self._closed or data == b''
         self.was_used = self.was_used or bool(data)
         return data or b''
+
+
+# What brings bytes of keys.
+Source = Terminal | Pipe
 
 
 class KeyReader:

@@ -12,7 +12,7 @@ import os
 import shutil
 import subprocess
 import sys
-from typing import Protocol, TextIO
+from typing import TextIO, TYPE_CHECKING
 
 from teleop_keyboard.key_reader import KeyReader, open_key_reader
 from teleop_keyboard.terminal import NoTerminal
@@ -24,6 +24,9 @@ from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.restart import become
 from wasd_bringup.run.options import choose_range, RunOptions
 from wasd_bringup.run.run import Run
+
+if TYPE_CHECKING:
+    from wasd_bringup.ros.home import RosHome
 
 # Options that only ROS serves.
 NEED_ROS = ('record', 'foxglove', 'gamepad', 'discovery')
@@ -73,16 +76,6 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     if stop.number is not None:
         leave(status)
     return status
-
-
-class Home(Protocol):
-    """What makes a run, and what closes after it."""
-
-    def make_run(self, options: RunOptions, reader: KeyReader | None, visuals: bool) -> Run:
-        """Return the run."""
-
-    def close(self) -> None:
-        """End what is around the run."""
 
 
 class PlainHome:
@@ -136,7 +129,7 @@ def _place(
     return own_place(options, ros_arguments)
 
 
-def _home(uses_ros: bool, ros_arguments: Sequence[str]) -> Home:
+def _home(uses_ros: bool, ros_arguments: Sequence[str]) -> 'PlainHome | RosHome':
     if not uses_ros:
         return PlainHome()
     # Here, because a run without ROS does not load it.
@@ -156,7 +149,7 @@ def _halt_with(stop: StopSignals, reader: KeyReader | None, run: Run) -> None:
 class _Command:
     """A run and what is around it, from their making to their end."""
 
-    def __init__(self, options: RunOptions, home: Home) -> None:
+    def __init__(self, options: RunOptions, home: 'PlainHome | RosHome') -> None:
         self._options, self._home = options, home
         self._run: Run | None = None
 
