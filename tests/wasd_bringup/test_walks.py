@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A key and a velocity pass the files that docs/architecture.md names, and in its number."""
+"""A key, a velocity and a scan pass the files that docs/architecture.md names."""
 
 from pathlib import Path
 import re
@@ -64,4 +64,19 @@ def test_a_velocity_passes_nine_files_to_wheels_and_odometry_and_four_more_from_
     told.linear.x = 0.2
     sent = {'source_timestamp': time.time_ns()}
     assert of_ros <= entered(lambda: subscription._on_message(told, sent))
+    run.close()
+
+
+def test_a_scan_passes_eleven_files_to_the_map_and_the_page():
+    options = RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0, map='')
+    run = Run(options)
+    run.simulation.advance(500)
+    files = named('Files of a scan on its way to a cell of the map and to the page: ')
+    assert len(files) == 11
+
+    def see():
+        run.simulation.advance(250)
+        run.navigations[0].view()
+
+    assert files - entered(see) == {'bridge.py', 'map.py'}  # of the page, which shows the view
     run.close()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pairs scans with the odometry of their time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 import math
 from typing import Any
@@ -86,6 +86,10 @@ class Senses:
         if self._waiting is not None:
             late, self._waiting = self._waiting, None
             self.take_scan(*late)
+
+    def take_measured(self, frame: str, now: float, fields: Mapping[str, Any]) -> None:
+        """Take a scan by its fields, as a lidar of a simulation measures it: see `take_scan`."""
+        self.take_scan(now, Ranges(*(fields[name] for name in Ranges._fields)), frame)
 
     def take_scan(self, now: float, ranges: Ranges, frame: str) -> None:
         """Take a scan of a time in the lidar's frame; it waits for odometry of that time."""

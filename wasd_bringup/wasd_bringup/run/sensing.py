@@ -2,6 +2,7 @@
 """What a navigator and a guard get of a robot of a run: its lidar, its odometry, its size."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from mujoco_sim.robot_parts import outline_of
@@ -12,7 +13,6 @@ from robot_description.robot import Robot as RobotTree
 from wasd_core.errors import UserError
 from wasd_navigation.guard_parameters import GuardParameters
 from wasd_navigation.planning.motion import HARD
-from wasd_navigation.records import Ranges
 from wasd_navigation.senses import Senses
 
 from wasd_bringup.run.robot import Robot
@@ -71,12 +71,8 @@ def listen_to_lidar(robot: Robot, tag: LidarTag, senses: Senses, first: Callable
             senses.place_frame(prefix + joint.child, prefix + joint.parent, joint.pose)
     frame = f'{prefix}{tag.link} of the lidar'
     senses.place_frame(frame, prefix + tag.link, tag.pose)
-
-    def take(now: float, fields: dict[str, Any]) -> None:
-        first()
-        senses.take_scan(now, Ranges(*(fields[name] for name in Ranges._fields)), frame)
-
-    robot.sensors.listen(tag.topic, take)
+    robot.sensors.listen(tag.topic, lambda now, fields: first())
+    robot.sensors.listen(tag.topic, partial(senses.take_measured, frame))
 
 
 def size_of(robot: Robot) -> dict[str, float]:
