@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TOOLS = 'bash cat dirname env ls mkdir mktemp nice readlink rm sh sleep timeout'
 # `./wasd`: each command notes its process, and does what a file that is named after it says.
 WASD = """#!/bin/sh
-case "$*" in *--version | *--last-failed*) exit ;; esac
+case "$*" in *--version) exit ;; esac
 [ "$1" != demo ] || mkdir -p "$5"
 [ "$1" != test ] || trap 'exit 2' INT
 echo $$ >"$FAKE/$1.new"; mv "$FAKE/$1.new" "$FAKE/$1.pid"
@@ -87,6 +87,13 @@ def test_what_passes_ends_with_passed_and_shows_what_ran_beside_the_tests(ci: Ci
     assert (status, errors) == (0, '')
     steps = [line.split(' (after')[0] for line in output.splitlines() if line.startswith('== ')]
     assert steps[2:] == ['== ./wasd lint', '== ./wasd demo', '== passed']
+
+
+def test_a_test_that_fails_once_is_a_failure(ci: Ci) -> None:
+    (ci.fake / 'bad-test').touch()
+    status, output, errors = ci.finish(ci.start())
+    assert (status, output.count('a finding of test')) == (1, 1)
+    assert errors == '.ci/run: the tests failed with status 3, see above\n'
 
 
 @pytest.mark.parametrize('command', ['lint', 'demo'])
