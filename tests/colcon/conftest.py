@@ -36,7 +36,7 @@ class Program:
     def interrupt(self) -> int:
         """Press Ctrl-C, so to speak; return its exit status."""
         self.process.send_signal(signal.SIGINT)
-        return self.process.wait(20.0)
+        return self.process.wait(60.0)
 
     def close(self) -> None:
         """End it if it still runs."""
