@@ -8,6 +8,7 @@ at 20 Hz, the controller at 500 Hz, samples at 50 Hz.
 
 from dataclasses import replace
 import functools
+import math
 from typing import Any, NamedTuple
 
 import mujoco
@@ -23,6 +24,7 @@ from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from robot_description.description import Description, load_robot
 from robot_description.morphology.quadruped import scale_of
+from robot_description.robot import Joint
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.run.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
 from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD, TrunkWatch
@@ -209,10 +211,16 @@ def tumbled(run: Any, loaded: Description, setup: RobotSetup, turn: int = 0) -> 
     """Return a setup with joints anyhow within their limits, at the place that the run says."""
     random = np.random.default_rng((run.seed, 1, turn) if turn else (run.seed, 1))
     positions = {
-        joint.name: float(random.uniform(joint.lower, joint.upper))
-        for joint in loaded.quadruped.joints
+        joint.name: float(random.uniform(*_range(joint))) for joint in loaded.quadruped.joints
     }
     return replace(setup, joint_positions=positions, place=(run.tumbled, 0.0))
+
+
+def _range(joint: Joint) -> tuple[float, float]:
+    """Return between what a joint can be anywhere [rad]: a turn, where nothing stops it."""
+    if math.isfinite(joint.upper):
+        return joint.lower, joint.upper
+    return -math.pi, math.pi
 
 
 def _cuts_itself(world: World, depth: float) -> bool:

@@ -11,7 +11,7 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from quadruped_sim.states.jump import EXTENDED, highest
-from quadruped_sim.states.lying import rolling_poses, ROLLS, TRIES_MAX
+from quadruped_sim.states.lying import rolling_poses, ROLLS, stretched, TRIES_MAX
 from quadruped_sim.tuning import JumpParameters
 from robot_description.description import load_robot
 from robot_description.morphology.quadruped import FOLDED, similar_pose
@@ -22,6 +22,8 @@ from wasd_core.rotations import rpy_matrix, to_quaternion, yaw_matrix
 DT = 0.002
 # How high the base of a Go2 is when its legs, as they extend, stop pushing [m].
 TAKE_OFF = EXTENDED + 0.022
+ROBOTS = share_directory('example-robot-data') / 'robots'
+ANYMAL_B = str(ROBOTS / 'anymal_b_simple_description/robots/anymal.urdf')
 LIES = 1.0  # by then a robot that was dropped lies still [s]
 
 
@@ -126,6 +128,32 @@ def test_key_2_folds_first_a_thigh_that_lies_far_from_its_fold(
     for _ in range(3):
         controller.step(lies, 0.02, truth)
     assert (controller.state, controller.is_fallen) == (state, False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('hooked', [(0, 2.6, 2.5, 0.4), (1, -2.6, 2.9, -0.6)])
+def test_a_leg_that_is_hooked_to_the_trunk_frees_itself(hooked):
+    """ANYmal's hips turn all round: its knee hangs behind the trunk's edge, on the wrong side."""
+    leg, *angles = hooked
+    loaded = load_robot(ANYMAL_B)
+    model = RobotModel(loaded)
+    dog = Dropped(build_world(loaded, 'flat', 3, usual_setup(loaded)), model, (0.0, 0.0, 0.0), 1)
+    pose = model.folded_pose.copy()
+    pose[3 * leg : 3 * leg + 3] = angles
+    pose_joints(dog.world, model.quadruped.joint_names, pose)
+    update_bodies(dog.world)
+    dog.run(LIES)
+    assert abs(dog.controller.robot.joint_position[3 * leg]) > 2.0
+    dog.controller.press('2')
+    assert dog.run(20.0, until=lambda: dog.controller.state == 'fixed stand') < 20.0
+
+
+def test_a_hooked_leg_stretches_off_the_trunk_upside_down():
+    folded, position = np.full(12, 0.1), np.full(12, 2.6)
+    pose = stretched(folded, position, np.array([True, False, False, True])).reshape(4, 3)
+    np.testing.assert_array_equal(pose[1:3], np.full((2, 3), 0.1))
+    np.testing.assert_allclose(pose[0], [np.pi, -np.pi / 2, 0.0])
+    np.testing.assert_allclose(pose[3], [np.pi, np.pi / 2, 0.0])
 
 
 @pytest.mark.slow
@@ -305,8 +333,7 @@ def test_more_than_it_can_jump_is_refused_with_the_range():
 
 
 def test_a_robot_of_slow_motors_says_how_high_it_jumps_and_jumps_no_higher():
-    robots = share_directory('example-robot-data') / 'robots'
-    path = robots / 'anymal_c_simple_description/urdf/anymal.urdf'
+    path = ROBOTS / 'anymal_c_simple_description/urdf/anymal.urdf'
     slow = RobotModel(load_robot(str(path)))
     notes = LegController(slow).notes
     assert f'motors allow jumps of {highest(slow):.2g} m, not 0.26 m; lowered' in notes
@@ -319,8 +346,7 @@ def test_a_jump_of_no_height_is_refused():
 
 @pytest.fixture(scope='module')
 def hyq() -> RobotModel:
-    robots = share_directory('example-robot-data') / 'robots'
-    return RobotModel(load_robot(str(robots / 'hyq_description/robots/hyq_no_sensors.urdf')))
+    return RobotModel(load_robot(str(ROBOTS / 'hyq_description/robots/hyq_no_sensors.urdf')))
 
 
 @pytest.mark.slow

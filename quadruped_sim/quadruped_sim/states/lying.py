@@ -9,7 +9,7 @@ import numpy as np
 from robot_description.morphology.quadruped import similar_pose
 from wasd_core.robot_io import JointCommand
 
-from quadruped_sim.leg_kinematics import LEFT
+from quadruped_sim.leg_kinematics import FRONT, LEFT
 from quadruped_sim.robot_model import NO_TORQUE, RobotModel
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.driving import (
@@ -72,6 +72,8 @@ _NEAR, _AT_REST, _SETTLED, _FOLD_TIME_MAX = 0.35, 1.0, 0.1, 1.2
 _UPRIGHT, _TIPPED = 0.8, 0.6
 # Sine of the roll from which on it lies on that side; less is on its back.
 _ON_SIDE = 0.4
+# A hip turned so far [rad] has hooked its leg to the trunk. A stage of freeing it takes so long.
+_HOOKED, _FREE_TIME = 0.5 * math.pi, 1.0
 # Joints that reach the poses but for so much may roll a robot over [rad].
 _SHORT = 0.8
 # So often it is tried.
@@ -84,6 +86,8 @@ class Stage(Enum):
     """Where on its way up a robot is."""
 
     FOLD = auto()
+    STRETCH = auto()
+    TURN_UPRIGHT = auto()
     FIRST_POSE = auto()
     SECOND_POSE = auto()
     STAND = auto()
@@ -92,6 +96,9 @@ class Stage(Enum):
 class GetUp(State):
     """
     From any pose to a stand: folds its legs, rolls until it is upright, stands up.
+
+    Where hips turn all round, a leg may be hooked to the trunk, its knee on the wrong side. Such
+    legs stretch away from the trunk, forward or backward, and turn on; by turns with rolling.
 
     It looks at joint positions and at which way is up, alone [cf. Cheetah-Software's recovery
     stand]. What did not bring a robot off its back is repeated to the other side.
@@ -105,6 +112,7 @@ class GetUp(State):
         }
         self._target = self._start = self._folded
         self._rested = 0.0
+        self._freed, self._was_freed = self._folded, False
 
     @property
     def is_lying(self) -> bool:
@@ -136,6 +144,7 @@ class GetUp(State):
         self._parts.locomotion.gait.reset()
         self._target = robot.joint_position.copy()
         self._side = self._rolls = self._tips = 0  # none yet
+        self._was_freed = False
         self._begin(Stage.FOLD)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
@@ -148,11 +157,14 @@ class GetUp(State):
             if not near or turning > _AT_REST:
                 self._rested = self._time
             if self._time - self._rested > _SETTLED or self._time > _FOLD_TIME_MAX:
-                self._leave_fold(up, near)
+                self._leave_fold(robot.joint_position, up, near)
         elif self._stage is Stage.STAND:
             if up[2] < _TIPPED:
                 self._tips += 1
                 self._begin(Stage.FOLD)
+        elif self._stage in (Stage.STRETCH, Stage.TURN_UPRIGHT):
+            if self._time > _FREE_TIME:
+                self._go_on_freeing(robot.joint_position)
         elif self._time > ROLLS[self._roll].times[self._stage is Stage.SECOND_POSE]:
             is_first = self._stage is Stage.FIRST_POSE
             self._begin(Stage.SECOND_POSE if is_first else Stage.FOLD)
@@ -171,7 +183,14 @@ class GetUp(State):
         self._stage, self._time, self._rested = stage, 0.0, 0.0
         self._start = self._target.copy()
 
-    def _leave_fold(self, up: np.ndarray, is_folded: bool) -> None:
+    def _go_on_freeing(self, position: np.ndarray) -> None:
+        """Turn the hips of stretched legs upright, or fold; targets count no whole turns."""
+        was_stretching = self._stage is Stage.STRETCH
+        self._target = position.copy()
+        self._begin(Stage.TURN_UPRIGHT if was_stretching else Stage.FOLD)
+        self._freed = np.where(np.arange(12) % 3 == 0, self._folded, self._freed)
+
+    def _leave_fold(self, position: np.ndarray, up: np.ndarray, is_folded: bool) -> None:
         """
         Stand up, or roll over the side that is down; `up` (3,) is in base axes.
 
@@ -179,6 +198,12 @@ class GetUp(State):
         """
         if up[2] > _UPRIGHT and is_folded:
             self._begin(Stage.STAND)
+            return
+        is_hooked = np.abs(position[::3]) > _HOOKED
+        self._was_freed = bool(is_hooked.any()) and not self._was_freed
+        if self._was_freed:
+            self._freed = stretched(self._folded, position, is_hooked)
+            self._begin(Stage.STRETCH)
             return
         if self._side == 0 or abs(float(up[1])) > _ON_SIDE:
             self._side = 1 if up[1] > 0.0 else -1
@@ -190,18 +215,44 @@ class GetUp(State):
     def _move(self, robot: RobotState, dt: float) -> JointCommand:
         """Lead the joints to this stage's pose, with no more torque than the motors have."""
         goal = self._folded
-        if self._stage is not Stage.FOLD:
+        if self._stage in (Stage.STRETCH, Stage.TURN_UPRIGHT):
+            goal = self._freed
+        elif self._stage is not Stage.FOLD:
             goal = self._rolling[self._side][self._roll][self._stage is Stage.SECOND_POSE]
         model, scale = self._parts.model, self._parts.model.scale
         most = np.full(12, _RATE * scale.of('rad/s') * dt)
+        if self._was_freed:
+            goal = goal - _turns(goal - self._target)
         self._target = approach(self._target, goal, most)
+        off = self._target - robot.joint_position
+        if self._was_freed:
+            off = off - _turns(off)
         kp, kd = _KP * scale.of('N m/rad'), _KD * scale.of('N m s/rad')
         damping, limit = kd * robot.joint_velocity, model.limits.effort
-        torque = kp * (self._target - robot.joint_position)
+        torque = kp * off
         torque = np.clip(torque, damping - limit, damping + limit)
         return NO_TORQUE._replace(
             position=robot.joint_position + torque / kp, kp=np.full(12, kp), kd=np.full(12, kd)
         )
+
+
+def stretched(folded: np.ndarray, position: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """
+    Return leg angles (12,): folded, but chosen legs (4,) stretch ahead or back, off the trunk.
+
+    Their hips turn on, until the legs hang upside down: back, knees press against the trunk.
+    """
+    pose = folded.reshape(4, 3).copy()
+    for leg in np.flatnonzero(chosen):
+        upside_down = math.copysign(math.pi, position[3 * leg])
+        pose[leg] = upside_down, -0.5 * math.pi * FRONT[leg], 0.0
+    return pose.ravel()
+
+
+def _turns(angles: np.ndarray) -> np.ndarray:
+    """Return how much of angles [rad] is whole turns."""
+    whole: np.ndarray = math.tau * np.round(angles / math.tau)
+    return whole
 
 
 def rolling_poses(model: RobotModel, roll: Roll, side: int) -> tuple[np.ndarray, ...]:
