@@ -62,6 +62,16 @@ def test_the_first_observation_out_of_range_is_named(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_network_whose_output_is_no_number_is_told_and_nothing_else_is_tried(tmp_path, capsys):
+    path, _ = standing(tmp_path)
+    path.write_bytes(torchscript(exporter(*constant(45, np.full(12, np.nan)))))
+    assert main(['describe', 'policy', str(path)]) == 1
+    told = capsys.readouterr().out
+    assert 'trial        the output of the network is not a number\n' in told
+    assert 'suspect' not in told
+
+
+@pytest.mark.slow
 def test_a_wrong_joint_order_is_told_by_trying_others(tmp_path, monkeypatch):
     by_kind = ORDERS['by kind']
     # The numbers are joint by joint, their names leg by leg: it tips over.

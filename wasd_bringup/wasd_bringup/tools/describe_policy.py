@@ -35,7 +35,8 @@ class Trial(NamedTuple):
     """
     The result of a policy's walk: time of a fall [s], velocities, roughness of its targets.
 
-    `shown` (2, width) are the least and the largest of each number shown.
+    `shown` (2, width) are the least and the largest of each number shown. `failure` is why it
+    could not be played to the end, '' where it could.
     """
 
     fell_at: float | None
@@ -44,6 +45,7 @@ class Trial(NamedTuple):
     rate: float
     jerk: float
     shown: np.ndarray
+    failure: str = ''
 
     @property
     def cost(self) -> float:
@@ -94,6 +96,7 @@ class Stand:
             float(found[2][2]),
             float(np.abs(np.diff(targets, axis=0)).mean()) if len(targets) > 1 else 0.0,
             np.array([shown.min(axis=0), shown.max(axis=0)]),
+            walker.failure,
         )
 
 
@@ -138,7 +141,7 @@ class _Exchangeable:
 
 def suspicions(stand: Stand, policy: Policy, trial: Trial) -> Iterator[str]:
     """Yield each mistake without which the policy walks clearly better, the best first."""
-    if trial.cost < WELL:
+    if trial.cost < WELL or trial.failure:
         return
     found = []
     for words, spec in variants(policy.spec):
@@ -151,6 +154,8 @@ def suspicions(stand: Stand, policy: Policy, trial: Trial) -> Iterator[str]:
 
 
 def _told(trial: Trial) -> str:
+    if trial.failure:
+        return trial.failure
     if trial.fell_at is not None:
         return f'it falls after {trial.fell_at:.1f} s'
     return (
@@ -262,6 +267,6 @@ def describe_policy_command(arguments: argparse.Namespace) -> int:
     doubts = list(suspicions(stand, policy, trial))
     for words in doubts:
         print(f'suspect      {words}')
-    if not doubts and trial.cost >= WELL:
+    if not doubts and trial.cost >= WELL and not trial.failure:
         print('suspect      no other reading of its numbers walks better')
     return int(bool(odd) or trial.cost >= WELL)
