@@ -164,11 +164,9 @@ class TorqueSpeedCurve:
         """
         _follow(self._curve, velocity, motors, limits, effort, peak)
 
-    def follower(
-        self, velocity: np.ndarray, motors: np.ndarray, limits: np.ndarray, effort: np.ndarray
-    ) -> Callable[[np.ndarray], None]:
-        """Return `follow` with all but `peak` given: a call takes less time."""
-        return partial(_follow, self._curve, velocity, motors, limits, effort)
+    def follower(self, *memory: np.ndarray) -> Callable[[], None]:
+        """Return `follow` with the arrays that it reads and writes: a call takes less time."""
+        return partial(_follow, self._curve, *memory)
 
     def command(
         self, parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray

@@ -2,7 +2,7 @@
 """A robot in a world: built, stepped, read, commanded, pushed, or put where it is to be."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
 import sys
 from typing import NamedTuple, TYPE_CHECKING
@@ -85,8 +85,10 @@ class Actuation:
         self._curve = self._torque_speed_curve()
         if self._curve is not None:
             memory = self._velocities, self._motor_velocity, self._force_range, self._effort
-            self._follow = self._curve.follower(*memory)
-        self._told: JointCommand | None = None  # the last command, and as it was stacked
+            self._limit = self._curve.follower(*memory, self._unread)
+            self._limit_and_note = self._curve.follower(*memory, self._peak_effort)
+        # The last command, if it cannot be written into, and as it was stacked.
+        self._told: JointCommand | None = None
         self._stacked = np.zeros(self._command_shape)
         self._in_force: np.ndarray | None = None  # unknown: whatever comes changes it
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
@@ -119,33 +121,34 @@ class Actuation:
             self._pushes = [push for push in self._pushes if push[0] > tick]
             self._sum_pushes()
 
-    @property
-    def changes_each_step(self) -> bool:
-        """Whether the motors' limits, or the moment of a push, depend on how the robot moves."""
-        if self._curve is not None:
-            return True
-        return any(push.point is not None for _, push in self._pushes)
+    def begin_steps(self) -> Callable[[], None] | None:
+        """
+        Limit the motors as their speeds allow, and turn pushes off the centre with the root.
 
-    def begin_steps(self) -> None:
-        """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
+        Return what has to be done after each step; None where nothing depends on how it moves.
+        """
         if self._curve is not None:
-            self._follow(self._unread)
-        if self._pushes:
-            self._sum_pushes()
+            self._limit()
+            if not self._pushes:
+                return self._limit_and_note
+        elif not any(push.point is not None for _, push in self._pushes):
+            return None
+        self._sum_pushes()
+        return self._end_step
 
-    def end_step(self) -> None:
+    def _end_step(self) -> None:
         """Note the largest efforts, and do what comes before the next step."""
         if self._curve is not None:
-            self._follow(self._peak_effort)
+            self._limit_and_note()
         else:
             self._note_efforts()
-        if self._pushes:
-            self._sum_pushes()
+        self._sum_pushes()
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
         self._note_efforts()
-        peak, self._peak_effort = self._peak_effort, np.zeros_like(self._peak_effort)
+        peak = self._peak_effort.copy()
+        self._peak_effort[:] = 0.0
         return peak
 
     def _note_efforts(self) -> None:
@@ -153,8 +156,7 @@ class Actuation:
 
     def apply(self, command: JointCommand, tick: int) -> bool:
         """Put a command in force once it is due; return if it was taken, see `World.apply`."""
-        if command is not self._told or command.position.flags.writeable:
-            self._told = None
+        if command is not self._told:
             try:
                 stacked = np.array(command, dtype=float)
             except ValueError:  # parts of different lengths
@@ -163,7 +165,9 @@ class Actuation:
                 self.rejected_commands += 1
                 self.brake()
                 return False
-            self._told, self._stacked = command, stacked
+            self._stacked = stacked
+            can_change = getattr(command[0], 'flags', np.ones(1).flags).writeable
+            self._told = None if can_change else command
         if self._delay:
             self._pending.append((tick + self._delay, self._stacked))
         elif self._stacked is not self._in_force:
@@ -313,22 +317,17 @@ class Physics:
 
     def _advance(self, count: int) -> None:
         self.tick += count
-        model, data, changing, moves = self.model, self.data, [], False
-        for robot in self.robots:
-            moves = moves or not robot.is_kinematic
-            if robot.changes_each_step:
-                changing.append(robot)
-        if not moves:
+        if all(robot.is_kinematic for robot in self.robots):
             return
-        if not changing:
-            mujoco.mj_step(model, data, count)
+        model, data, step = self.model, self.data, mujoco.mj_step
+        follow = [after for robot in self.robots if (after := robot.begin_steps()) is not None]
+        if not follow:
+            step(model, data, count)
             return
-        for robot in changing:
-            robot.begin_steps()
         for _ in range(count):
-            mujoco.mj_step(model, data)
-            for robot in changing:
-                robot.end_step()
+            step(model, data)
+            for act in follow:
+                act()
 
 
 class World:

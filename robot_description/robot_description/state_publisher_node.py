@@ -57,6 +57,11 @@ class StatePublisherNode(Node):
             joints = self._on_joint_states
             self.create_subscription(JointState, 'joint_states', joints, SENSOR_DATA)
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether `publish` reaches anybody."""
+        return self._moving.available
+
     def publish(self, names: tuple[str, ...], positions: np.ndarray, stamp: Time) -> None:
         """Send where the children of the named joints are at positions [rad] or [m]."""
         joints = self._robot.joints

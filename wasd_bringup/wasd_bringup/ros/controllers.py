@@ -32,6 +32,9 @@ class ControllerFace:
     What the robot obeys is told on cmd_vel; messages of ours that come back are dropped.
     """
 
+    # Whether its nodes stamp by their clocks, other than in what they answer to messages.
+    needs_clock = True
+
     def __init__(
         self, robot: Robot, node: Node | None = None, twist_type: type[Any] = Twist
     ) -> None:
@@ -115,6 +118,8 @@ def _plain_node(robot: Robot) -> Any:
 class LegsFace(ControllerFace):
     """A quadruped's leg controller on ROS."""
 
+    needs_clock = False
+
     def __init__(self, robot: Any) -> None:
         # Here, because wheels do without.
         from quadruped_sim.leg_controller_node import LegControllerNode
@@ -139,12 +144,13 @@ class LegsFace(ControllerFace):
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant; None before there is any."""
-        odometry: Odometry | None = self.node.odometry()
+        odometry: Odometry | None = self.node.odometry(to_stamp(self.robot.world.time))
         return odometry
 
     def schedule(self, schedule: Any) -> None:
         """Publish on a schedule."""
-        schedule.every(1.0 / self.node.legs.settings.publish_rate, self.node.publish)
+        world, period = self.robot.world, 1.0 / self.node.legs.settings.publish_rate
+        schedule.every(period, lambda: self.node.publish(to_stamp(world.time)))
 
 
 class WheelsFace(ControllerFace):
@@ -191,6 +197,8 @@ class WheelsFace(ControllerFace):
 
 class JointsFace(ControllerFace):
     """A controller of joints on ROS: keys for its states, too, and its state."""
+
+    needs_clock = False
 
     def __init__(self, robot: Any) -> None:
         super().__init__(robot)

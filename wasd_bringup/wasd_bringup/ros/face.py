@@ -68,6 +68,7 @@ class RosFace:
         ]
         # Those that look at their clocks only as they handle messages.
         self.idle_nodes: list[Node] = [self.simulator, self._states, self.keys, self.drivers]
+        self.idle_nodes += [] if self.controller.needs_clock else self.controller.nodes
         self.controller.admit()
         robot.on_key.append(self._tell_key)
         if world.prefix:
@@ -92,6 +93,8 @@ class RosFace:
         self.keys.publish_key(key)
 
     def _publish_transforms(self) -> None:
+        if not self._states.is_heard:
+            return
         joints = self.robot.world.joints()
         self._states.publish(self.robot.world.joint_names, joints.position, self.simulator.stamp)
 
@@ -121,7 +124,6 @@ class RosFaces(Face):
         self.faces = [RosFace(robot) for robot in run.robots]
         self.nodes: list[Node] = [node for face in self.faces for node in face.nodes]
         self._pump = MessagePump()
-        self._now = Time(clock_type=ClockType.ROS_TIME)
         # Of the nodes that stamp by their clocks in any instant, and of those that do not.
         self._clocks: list[ROSClock] = []
         self._idle_clocks: list[ROSClock] = []
@@ -188,9 +190,13 @@ class RosFaces(Face):
 
     def begin_instant(self, now: float) -> None:
         """Set the nodes' clocks to a simulated time [s]."""
-        self._now = Time(nanoseconds=round(1e9 * now), clock_type=ClockType.ROS_TIME)
-        for clock in self._clocks:
-            clock.set_ros_time_override(self._now)
+        self._set(self._clocks)
+
+    def _set(self, clocks: list[ROSClock]) -> None:
+        if clocks:
+            now = Time(nanoseconds=self._nanoseconds(), clock_type=ClockType.ROS_TIME)
+            for clock in clocks:
+                clock.set_ros_time_override(now)
 
     def look_who_drives(self) -> None:
         """Publish who drives each robot, where that has changed."""
@@ -212,8 +218,7 @@ class RosFaces(Face):
 
     def handle(self, timeout: float) -> None:
         """Take messages, waiting for them up to `timeout` [s]."""
-        for clock in self._idle_clocks:
-            clock.set_ros_time_override(self._now)
+        self._set(self._idle_clocks)
         self._pump.handle(timeout)
 
     def save(self) -> None:
