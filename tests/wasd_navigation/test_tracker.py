@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from wasd_navigation.mapping.local_map import add_surfaces, fit_scan, LocalMap, make_local_map
 from wasd_navigation.mapping.surface import find_surface, Noise
-from wasd_navigation.mapping.tracker import Tracker
+from wasd_navigation.mapping.tracker import STUCK_LAST, Tracker
 from wasd_navigation.records import Scan
 from wasd_navigation.se2 import compose, inverse
 
@@ -92,6 +92,22 @@ def test_wheels_that_spin_while_the_robot_stands_are_found_out(room: LocalMap) -
     slips = drive(room, poses, said, tracker)
     assert math.dist(tracker.pose[:2], poses[-1, :2]) < 0.02
     assert tracker.is_stuck
+
+
+def test_a_robot_that_turns_away_from_a_sill_is_stuck_no_more(room: LocalMap) -> None:
+    """Ten scans of driving, ten at a sill, then a turn in place, 12 degrees at each scan."""
+    tracker = Tracker(0.012)
+    said = np.zeros((28, 3))
+    said[:20, 0] = -0.5 + 0.05 * np.arange(20)
+    said[20:, 0], said[20:, 2] = said[19, 0], 0.2 * np.arange(1, 9)
+    poses = said.copy()
+    poses[10:, 0] = poses[9, 0]
+    drive(room, poses[:20], said[:20], tracker)
+    assert tracker.is_stuck
+    tracker = Tracker(0.012)
+    slips = drive(room, poses, said, tracker)
+    assert not any(slips[-STUCK_LAST:])
+    assert not tracker.is_stuck
 
 
 def test_a_fit_says_nothing_of_the_way_along_a_wall() -> None:

@@ -235,7 +235,9 @@ class Localizer:
         poses, self._near = self._near.found.poses, None
         for pose in poses[:1]:
             fit = self._fit(surface, compose(pose, self._came), PRIOR)
-            if fit.share > max(LEAST_SHARE, self._usual - SUDDEN, share + 0.5 * SUDDEN):
+            # As much as before fits, or far more than here.
+            enough = min(self._usual - SUDDEN, share + 2.0 * SUDDEN)
+            if fit.share > max(LEAST_SHARE, enough, share + 0.5 * SUDDEN):
                 self._tracker.put(fit.pose, invert(PRIOR + TRUST * fit.information))
                 self._misfits = self._pushed = self._drops = 0
                 self._search, self._words = None, None

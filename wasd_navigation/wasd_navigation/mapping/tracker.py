@@ -25,8 +25,8 @@ SUREST, VAGUEST, LARGEST = 0.02, 0.1, 0.15
 SLIP, LEAST_SLIP, LEAST_TURN = 30.0, 0.01, 0.01
 LOOSE = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.1**2))
 # It is stuck that has come less than this share of so much way [m] within so many scans, of which
-# so many at least say that the wheels slip.
-STUCK_SHARE, STUCK_WAY, STUCK_SCANS, STUCK_SLIPS = 0.3, 0.3, 12, 3
+# so many at least say that the wheels slip; but not if none of so many last ones does: it turns away.
+STUCK_SHARE, STUCK_WAY, STUCK_SCANS, STUCK_SLIPS, STUCK_LAST = 0.3, 0.3, 12, 3, 6
 STUCK = 'stuck: the wheels turn, the robot does not move'
 
 
@@ -67,6 +67,8 @@ class Tracker:
         """Whether the wheels turn and the robot does not come along."""
         way = sum(move[0] for move in self._moves)
         if way < STUCK_WAY or sum(move[2] for move in self._moves) < STUCK_SLIPS:
+            return False
+        if not any(slips for _, _, slips in list(self._moves)[-STUCK_LAST:]):
             return False
         first = self._moves[0][1]
         return bool(math.hypot(*(self.pose - first)[:2]) < STUCK_SHARE * way)
