@@ -25,7 +25,7 @@ SUREST, VAGUEST, LARGEST = 0.02, 0.1, 0.15
 SLIP, LEAST_SLIP, LEAST_TURN = 30.0, 0.01, 0.01
 LOOSE = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.1**2))
 # It is stuck that has come less than this share of so much way [m] within so many scans, of which
-# so many at least say that the wheels slip; but not if none of so many last ones does: it turns away.
+# so many at least say that the wheels slip; but not when none of so many last ones does.
 STUCK_SHARE, STUCK_WAY, STUCK_SCANS, STUCK_SLIPS, STUCK_LAST = 0.3, 0.3, 12, 3, 6
 STUCK = 'stuck: the wheels turn, the robot does not move'
 
