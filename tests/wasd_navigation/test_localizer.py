@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.records import Grid, Scan
+from wasd_navigation.records import Grid, Scan, UNKNOWN
 from wasd_navigation.se2 import compose, inverse, wrap
 
 # Odometry begins somewhere else than the map.
@@ -139,6 +139,23 @@ def test_somebody_who_stands_before_the_lidar_does_not_make_it_lose_its_place(gr
         assert robot.localizer.is_found
         assert is_near(robot.localizer.pose, pose, 0.04)
     assert any(said) and said[-1] is None
+
+
+def test_a_robot_that_looks_at_what_is_not_in_the_map_was_not_moved(grid: Grid) -> None:
+    cells, poses = grid.cells.copy(), circle(240)
+    cells[: round(0.58 * len(cells))] = UNKNOWN
+    robot = Robot(Grid(cells, grid.resolution, grid.origin), poses[0])
+    # It was sure of its place before it came to look there.
+    robot.localizer._tracker.put(poses[0], 1e-4 * np.eye(3))
+    robot.localizer._hypotheses, robot.localizer._usual = None, 0.9
+    shares = []
+    fit = robot.localizer._tracker.fit
+    for pose in poses[:60]:
+        robot.localizer._tracker.fit = lambda *all_: shares.append(fit(*all_)) or shares[-1]
+        robot.go(pose)
+        assert robot.localizer.is_found
+        assert is_near(robot.localizer.pose, pose, 0.05)
+    assert np.mean([each.share < 0.55 for each in shares]) > 0.5
 
 
 def test_what_is_ambiguous_is_said_to_be_and_not_decided() -> None:

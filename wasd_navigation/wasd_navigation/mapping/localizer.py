@@ -28,6 +28,9 @@ WORSE, ALLOWED, LEAST = 0.5, 0.03, 0.55
 SCANS = 3
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
 LEAST_SHARE, MOST_MISFITS = 0.55, 8
+# A scan of which so much fits does not where the map contradicts no more than so much of it: the
+# robot looks at what is not in the map.
+LEAST_KNOWN, NOT_AGAINST = 0.25, 0.05
 # After so many, or when suddenly less fits, it is searched for around its pose [m], [rad]: wheels
 # slip, and robots are pushed.
 PUSHED, PUSH, PUSH_TURN = 2, 0.6, 0.5
@@ -213,7 +216,7 @@ class Localizer:
         self._pushed = self._pushed + 1 if is_less else 0
         if self._pushed >= PUSHED and self._seek(scan, surface, move, fit.share):
             return
-        if fit.share < LEAST_SHARE:
+        if fit.share < LEAST_SHARE and not self._is_beyond_map(scan, surface, fit):
             self._misfits += 1
             if self._misfits >= MOST_MISFITS:
                 self._say_moved(fit.share)
@@ -221,6 +224,12 @@ class Localizer:
         self._misfits = 0
         self._tracker.believe(fit)
         self._compare(scan, surface, fit.share)
+
+    def _is_beyond_map(self, scan: Scan, surface: np.ndarray, fit: Fit) -> bool:
+        """Whether what does not fit of a scan is where the map knows nothing."""
+        if fit.share < LEAST_KNOWN:
+            return False
+        return self._contradictions.share(surface, scan.origin, fit.pose) <= NOT_AGAINST
 
     def _seek(self, scan: Scan, surface: np.ndarray, move: np.ndarray, share: float) -> bool:
         """Search a little around where it is believed to be; return whether it is elsewhere."""
