@@ -176,3 +176,17 @@ def test_places_do_not_become_more_where_it_has_been_often() -> None:
         counts.append(len(mapper.places))
         assert np.hypot(*(mapper.pose - before)[:2]) < 0.02
     assert counts[9] - counts[5] <= 2
+
+
+def test_who_turns_where_it_has_been_often_adds_few_places() -> None:
+    """Back and forth on 1.2 m, then six turns: after two of them nothing new is seen."""
+    mapper, random = Mapper(), np.random.default_rng(11)
+    start, counts = circle(80)[0], []
+    forth = [compose(start, np.array((way, 0.0, 0.0))) for way in np.linspace(0.0, 1.2, 25)]
+    turns = [start + (0.0, 0.0, np.pi * (index + 1) / 10.0) for index in range(20)]
+    for way in [forth, forth[::-1]] * 10 + [turns] * 6:
+        for pose in way:
+            mapper.step(look(pose, random), pose, len(counts) * 1e-6 * np.eye(3))
+            counts.append(len(mapper.places))
+    assert counts[-1] - counts[-81] <= 10
+    assert np.hypot(*(mapper.pose - pose)[:2]) < 0.01

@@ -7,7 +7,13 @@ from lidar_room import circle, look
 import numpy as np
 import pytest
 from wasd_navigation.mapping.grid_surfaces import make_grid_map
-from wasd_navigation.mapping.local_map import count_fitting, Fit, fit_scan, make_local_map
+from wasd_navigation.mapping.local_map import (
+    add_surfaces,
+    count_fitting,
+    Fit,
+    fit_scan,
+    make_local_map,
+)
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.places import Drawing, Places
@@ -218,13 +224,13 @@ def test_places_that_move_are_drawn_anew() -> None:
     scans = [look(pose, random) for pose in circle(12)]
     for scan, pose in zip(scans, circle(12), strict=True):
         places.add(scan, find_surface(scan, NOISE), pose)
-        drawing.add_last(places)
+        drawing.add_last(places, NOISE)
     expected, revision = drawing.grid, drawing.revision
     shift = np.array((0.5, -0.25, 0.0))  # whole cells: the same picture, moved
     places.poses[:] += shift
     drawing.see_moves(places)
     for _ in range(12):
-        drawing.work(places)
+        drawing.work(places, NOISE)
     assert drawing.revision == revision + 1
     assert np.subtract(drawing.grid.origin, expected.origin) == pytest.approx(shift[:2])
     assert (drawing.grid.cells != expected.cells).mean() < 0.01
@@ -330,3 +336,24 @@ def test_what_is_known_twice_of_a_pair_is_one_edge_with_the_mean() -> None:
     np.testing.assert_allclose(edges.informations[0], np.diag((3.0, 2.0, 2.0)))
     assert edges.poses[0, :2] == pytest.approx((1.1, 0.0))
     assert abs(edges.poses[0, 2]) == pytest.approx(math.pi)  # the mean of 3.1 and -3.1
+
+
+def test_what_is_seen_twice_of_a_place_is_joined_in_its_frame() -> None:
+    random, places, scratch = np.random.default_rng(0), Places(), make_local_map(8.0)
+    here = np.array((0.2, -0.1, 0.4))
+    first, second = (find_surface(look(at, random), NOISE) for at in (np.zeros(3), here))
+    places.add(look(np.zeros(3), random), first, np.array((1.0, 2.0, 0.5)))
+    places.join(0, second.points, here, scratch)
+    points = places.points(0)
+    # Known as well as both, in one row a cell, on the walls that both have seen.
+    both = np.concatenate((first.points, second.points))
+    assert (points[:, 4] ** -2.0).sum() == pytest.approx((both[:, 4] ** -2.0).sum(), rel=1e-4)
+    assert len(points) < 0.7 * len(both)
+    seen = make_local_map(8.0)
+    seen.clear(np.zeros(2))
+    begins = np.array((0, len(first.points)))
+    add_surfaces(seen, np.zeros((1, 3)), first.points, begins)
+    fit = Fit(*fit_scan(seen, points, np.zeros(3), 1e-6 * np.eye(3), 0.012, 12))
+    assert fit.share > 0.95
+    assert np.abs(fit.pose).max() < 0.01
+    assert places.visits == [2]

@@ -30,13 +30,18 @@ SLIP, SLIP_TURN, PATIENCE, FEWEST = 1.0, 0.8, 10, 40
 # Where much is new so many points must fit what is known.
 FEWEST_OF_NEW = 12
 LEAST_LOOP_SHARE = 0.55
-# At the same place is who is no farther from it than this share of what makes a new one, and
-# turned less [rad], where this share of a scan fits what was seen there, no farther off than this
-# [m], [rad].
-SAME_SHARE, SAME_TURN, SAME_FIT, SAME_ERROR = 0.8, 0.6, 0.8, np.array((0.03, 0.03, 0.015))
+# At a place again is who is near so many that are no farther from it than this share of what makes
+# a new one, and turned less [rad], where this share of a scan fits what is known, no farther off
+# than SAME_ERROR [m], [rad].
+SAME_SHARE, SAME_TURN, ENOUGH, SAME_FIT = 0.8, 0.6, 3, 0.8
+SAME_ERROR = np.array((0.02, 0.02, 0.01))
+# Or among many within this [m], where so much of a scan fits: nothing new is to be seen there.
+KNOWN_REACH, MANY, KNOWN_FIT = 0.8, 25, 0.985
+# What is seen is joined with what is known of a place until it has been seen so often.
+MOST_VISITS = 8
+# How well it is known there where he is, before a scan is fitted: deviations [m], [rad].
+SAME_PRIOR = np.diag((1.0 / 0.03**2, 1.0 / 0.03**2, 1.0 / 0.015**2))
 SLIGHT = np.diag((1.0, 1.0, 1.0))  # information: a metre, a radian
-# So many that are the same are enough, as much as they tell of one another.
-ENOUGH = 3
 # What is seen of a place is drawn again after so many scans.
 LOOK_AGAIN = 5
 # What is not known of the way on which somebody has carried it [m^2], [rad^2].
@@ -87,6 +92,7 @@ class Mapper:
         self._recent: list[int] = []  # places that scans are matched against
         self._reference = 0  # the place that the robot is at, or has come from
         self._scans = 0  # since that was seen last
+        self._mark = np.zeros(3)  # where the robot was in its frame when it came there
 
     @property
     def is_found(self) -> bool:
@@ -177,7 +183,8 @@ class Mapper:
         """All that is known, to go on with another day."""
         places = self._places
         resolution, share = self._parameters.resolution, self._noise.share
-        return Session(places.poses.copy(), list(places.scans), places.edges(), resolution, share)
+        scans = [places.scan(number) for number in range(len(places))]
+        return Session(places.poses.copy(), scans, places.edges(), resolution, share)
 
     def take_session(self, session: Session) -> None:
         """Know what was known once, in place of what is now."""
@@ -187,7 +194,7 @@ class Mapper:
         self._places = places
         for pose, scan in zip(session.poses, session.scans, strict=True):
             places.add(scan, find_surface(scan, self._noise.noise), pose)
-            self._drawing.add_last(places)
+            self._drawing.add_last(places, self._noise.noise)
         for pair, pose, known, robust in zip(*edges, strict=True):
             places.link((int(pair[0]), int(pair[1])), pose, known, sure=not robust)
 
@@ -206,6 +213,7 @@ class Mapper:
         self._reference, self._recent = int(near[away.argmin()]), near.tolist()
         self._since = self._since + CARRIED  # how it came here nobody knows; the map does
         self._scans = 0
+        self._mark = np.zeros(3)
         self._show()
         self.correction = compose(self.pose, inverse(odometry))
 
@@ -280,7 +288,7 @@ class Mapper:
 
     def _is_back(self, surface: Surface) -> bool:
         """
-        See whether the robot is at a place of long ago, in a map that fits: that is its place now.
+        See whether the robot is at a known place, in a map that fits: that is its place now.
 
         So cost and memory grow with what there is to see, not with the way.
         """
@@ -291,22 +299,41 @@ class Mapper:
             return False
         away = np.hypot(*(places.poses[:count, :2] - pose[:2]).T)
         turned = np.abs((places.poses[:count, 2] - pose[2] + np.pi) % (2.0 * np.pi) - np.pi)
-        away[turned > SAME_TURN] = np.inf
-        away[self._reference : self._reference + 1] = np.inf
-        nearest = int(np.argmin(away))
-        same = away < SAME_SHARE * self._parameters.minimum_travel_distance
-        if np.count_nonzero(same) < ENOUGH:
+        is_known = np.count_nonzero(away < KNOWN_REACH) >= MANY
+        reach = SAME_SHARE * self._parameters.minimum_travel_distance
+        is_same = np.count_nonzero((away < reach) & (turned < SAME_TURN)) >= ENOUGH
+        if not (is_same or is_known):
             return False
+        nearest = int(np.argmin(away))
         near = self._nearest(pose)
         places.show(self._old, pose[:2], near)
         noise = self._parameters.range_noise
-        fit = Fit(*fit_scan(self._old, surface.points, pose, LOOP_PRIOR, noise, ROUNDS))
+        fit = Fit(*fit_scan(self._old, surface.points, pose, SAME_PRIOR, noise, ROUNDS))
         off = np.abs(compose(inverse(pose), fit.pose))
-        if fit.share < SAME_FIT or (off > SAME_ERROR).any():
+        if fit.share < (SAME_FIT if is_same else KNOWN_FIT) or (off > SAME_ERROR).any():
             return False
-        last, told = places.poses[self._reference], TRUST * fit.information
+        told = TRUST * fit.information
         here = compose(inverse(places.poses[nearest]), fit.pose)
-        way = compose(compose(inverse(last), pose), inverse(here))
+        if nearest != self._reference:
+            self._link_back(nearest, here, told, off)
+        self._reference, self._recent, self._mark = nearest, near.tolist(), here
+        self._tracker.told, self._tracker.pose = told, fit.pose
+        # What is not known of the way to where the scan tells little, as along a corridor, stays.
+        self._since = invert(told + invert(self._since + invert(SAME_PRIOR)))
+        self._wants_loop = False
+        self._scans = LOOK_AGAIN
+        self._local, self._old = self._old, self._local
+        if places.visits[nearest] < MOST_VISITS:
+            places.join(nearest, surface.points, here, self._old)
+        return True
+
+    def _link_back(
+        self, nearest: int, here: np.ndarray, told: np.ndarray, off: np.ndarray
+    ) -> None:
+        """Add how a place, in whose frame the robot is `here`, lies from the last."""
+        places = self._places
+        last = places.poses[self._reference]
+        way = compose(compose(inverse(last), self.pose), inverse(here))
         known = turn_axes(invert(self._since + invert(told + SLIGHT)), -last[2])
         places.link((self._reference, nearest), way, known, sure=False)
         self.closures += 1
@@ -314,26 +341,18 @@ class Mapper:
         if (off > LOOP_ERROR).any() or self._unsolved >= MOST_UNSOLVED:
             self._unsolved = 0
             self._solver.ask()
-        self._reference, self._recent = nearest, near.tolist()
-        self._tracker.told, self._tracker.pose = told, fit.pose
-        self._since = invert(told + SLIGHT)
-        self._wants_loop = False
-        self._scans = LOOK_AGAIN
-        self._show()
-        return True
 
     def _look_again(self, scan: Scan, surface: Surface) -> None:
         """Draw what is seen now where the robot has been before: things come and go."""
         self._scans = 0
         pose = compose(inverse(self._places.poses[self._reference]), self.pose)
-        self._places.scans[self._reference] = scan.seen_from(pose)
-        self._places.surfaces[self._reference] = surface.seen_from(pose)
+        self._places.draw(self._reference, scan.seen_from(pose))
         self._drawing.add(scan, surface, self.pose)
 
     def _is_elsewhere(self) -> bool:
         if self._misfits:
             return False
-        last = self._places.poses[self._reference]
+        last = compose(self._places.poses[self._reference], self._mark)
         away = math.hypot(self.pose[0] - last[0], self.pose[1] - last[1])
         return (
             away > self._parameters.minimum_travel_distance
@@ -351,11 +370,11 @@ class Mapper:
             before = places.poses[last]
             pose = compose(inverse(before), self.pose)
             places.link((last, number), pose, turn_axes(known, -before[2]), sure=True)
-        self._reference, self._scans = number, 0
+        self._reference, self._scans, self._mark = number, 0, np.zeros(3)
         self._since = np.zeros((3, 3))
         self._recent.append(number)
         self._show()
-        self._drawing.add_last(places)
+        self._drawing.add_last(places, self._noise.noise)
         self._wants_loop = number % self._parameters.loop_every == 0
 
     def _show(self) -> None:
@@ -380,7 +399,7 @@ class Mapper:
         fit = Fit(
             *fit_scan(
                 self._old,
-                places.points[number],
+                places.points(number),
                 pose,
                 LOOP_PRIOR,
                 self._parameters.range_noise,
@@ -402,7 +421,7 @@ class Mapper:
     def _work(self) -> None:
         """Go on with what takes longer than a step may."""
         if not self._solver.work(self._places.poses, self._places.edges):
-            self._drawing.work(self._places)
+            self._drawing.work(self._places, self._noise.noise)
 
     def _take_solved(self) -> None:
         """Move places, and the robot with the last of them, to where the solver has them."""

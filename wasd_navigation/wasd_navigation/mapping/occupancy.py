@@ -31,7 +31,7 @@ MOST, LEAST = 3.0, -3.0
 # Above and below these a cell is occupied and free.
 OCCUPIED_FROM, FREE_TO = 0.5, -0.5
 # By how much the canvas grows when it must [m].
-GROWTH = 4.0
+GROWTH = 0.5
 
 
 class Canvas:

@@ -8,7 +8,7 @@ import numpy as np
 from wasd_navigation.mapping.local_map import add_surfaces, LocalMap
 from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.pose_graph import Edges
-from wasd_navigation.mapping.surface import Surface
+from wasd_navigation.mapping.surface import find_surface, Noise, Surface
 from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import wrap
 
@@ -20,12 +20,15 @@ LEAST_MOVE, LEAST_TURN = 0.01, 0.004
 
 @dataclass
 class Places:
-    """Nodes of the pose graph with their scans, and its edges: one of a pair at most."""
+    """
+    Nodes of the pose graph with what was seen there, and its edges: one of a pair at most.
 
-    scans: list[Scan] = field(default_factory=list)
-    surfaces: list[Surface] = field(default_factory=list)
-    # What scans are matched against: as `Surface.points`, of when each was seen first.
-    points: list[np.ndarray] = field(default_factory=list)
+    What was seen is kept in half the memory that it takes to compute with it.
+    """
+
+    _scans: list[Scan] = field(default_factory=list)
+    _points: list[np.ndarray] = field(default_factory=list)
+    visits: list[int] = field(default_factory=list)  # how often each has been seen
     _poses: np.ndarray = field(default_factory=lambda: np.zeros((64, 3)))
     _rows: dict[tuple[int, int], int] = field(default_factory=dict)  # of edges, by their pairs
     _edges: Edges = field(
@@ -39,7 +42,7 @@ class Places:
 
     def __len__(self) -> int:
         """Return how many there are."""
-        return len(self.scans)
+        return len(self._scans)
 
     @property
     def poses(self) -> np.ndarray:
@@ -53,9 +56,21 @@ class Places:
         if number == len(self._poses):
             self._poses = _doubled(self._poses)
         self._poses[number] = pose
-        self.scans.append(scan)
-        self.surfaces.append(surface)
-        self.points.append(surface.points)
+        self._scans.append(_in_type(scan, np.float32))
+        self._points.append(surface.points.astype(np.float32))
+        self.visits.append(1)
+
+    def scan(self, number: int) -> Scan:
+        """Return what is drawn of a place."""
+        return _in_type(self._scans[number], np.float64)
+
+    def draw(self, number: int, scan: Scan) -> None:
+        """Draw another scan of a place from now on."""
+        self._scans[number] = _in_type(scan, np.float32)
+
+    def points(self, number: int) -> np.ndarray:
+        """Return what scans are matched against: as `Surface.points`."""
+        return self._points[number].astype(np.float64)
 
     def link(self, pair: tuple[int, int], pose: np.ndarray, known: np.ndarray, sure: bool) -> None:
         """
@@ -78,6 +93,22 @@ class Places:
         for kept, value in zip(self._edges, (pair, pose, known, not sure), strict=True):
             kept[row] = value
 
+    def join(self, number: int, points: np.ndarray, pose: np.ndarray, local: LocalMap) -> None:
+        """
+        Join what is seen from a pose in a place's frame with what is known there.
+
+        Each cell of `local`, which is written, has the mean of both, known as well as both.
+        """
+        local.clear(np.zeros(2))
+        known = self._points[number]
+        both = np.concatenate((known, points), dtype=np.float64)
+        begins = np.array((0, len(known), len(both)))
+        add_surfaces(local, np.array((np.zeros(3), pose)), both, begins)
+        sums = local.sums[: local.used[0]]
+        joined = np.column_stack((sums[:, 1:], 1.0 / np.sqrt(sums[:, 0])))
+        self._points[number] = joined.astype(np.float32)
+        self.visits[number] += 1
+
     def edges(self) -> Edges:
         """Return all that is known of pairs."""
         return Edges(*(kept[: len(self._rows)].copy() for kept in self._edges))
@@ -85,9 +116,21 @@ class Places:
     def show(self, local: LocalMap, middle: np.ndarray, numbers: np.ndarray) -> None:
         """Draw into a local map what was seen from some of them, around a place [m]."""
         local.clear(middle)
-        seen = [self.points[number] for number in numbers]
+        seen = [self._points[number] for number in numbers]
         begins = np.cumsum([0, *map(len, seen)])
-        add_surfaces(local, self._poses[numbers], np.concatenate(seen), begins)
+        both = np.concatenate(seen, dtype=np.float64)
+        add_surfaces(local, self._poses[numbers], both, begins)
+
+
+def _in_type(scan: Scan, kind: type[np.floating]) -> Scan:
+    """Return a scan with numbers of another type."""
+    return Scan(
+        scan.origin.astype(kind),
+        scan.ends.astype(kind),
+        scan.hits,
+        scan.begins.astype(kind),
+        scan.added,
+    )
 
 
 def _doubled(kept: np.ndarray) -> np.ndarray:
@@ -127,9 +170,9 @@ class Drawing:
         """Log-odds of cells that are occupied, and their frame: see `Canvas.odds`."""
         return self._canvas.odds
 
-    def add_last(self, places: Places) -> None:
-        """Draw the last place."""
-        self._where = self._draw(self._canvas, self._where, places, len(places))
+    def add_last(self, places: Places, noise: Noise) -> None:
+        """Draw the last place, seen with some noise."""
+        self._where = _draw(self._canvas, self._where, places, noise, len(places))
         self.revision += 1
 
     def add(self, scan: Scan, surface: Surface, pose: np.ndarray) -> None:
@@ -145,21 +188,23 @@ class Drawing:
             self._next.clear()
             self._next_where = np.zeros((0, 3))
 
-    def work(self, places: Places) -> None:
+    def work(self, places: Places, noise: Noise) -> None:
         """Draw some places again, and show them when all are drawn."""
         if not self._is_anew:
             return
         end = min(len(places), len(self._next_where) + PORTION)
-        self._next_where = self._draw(self._next, self._next_where, places, end)
+        self._next_where = _draw(self._next, self._next_where, places, noise, end)
         if end == len(places):
-            self._canvas, self._next = self._next, self._canvas
+            self._canvas, self._next = self._next, Canvas(self._resolution)
             self._where = self._next_where
             self._is_anew = False
             self.revision += 1
 
-    def _draw(self, canvas: Canvas, where: np.ndarray, places: Places, end: int) -> np.ndarray:
-        """Draw places up to `end` and return where all that are drawn were then."""
-        poses = places.poses[len(where) : end].copy()
-        for number, pose in enumerate(poses, start=len(where)):
-            canvas.draw(places.scans[number], places.surfaces[number], pose)
-        return np.concatenate((where, poses))
+
+def _draw(canvas: Canvas, where: np.ndarray, places: Places, noise: Noise, end: int) -> np.ndarray:
+    """Draw places up to `end` and return where all that are drawn were then."""
+    poses = places.poses[len(where) : end].copy()
+    for number, pose in enumerate(poses, start=len(where)):
+        scan = places.scan(number)
+        canvas.draw(scan, find_surface(scan, noise), pose)
+    return np.concatenate((where, poses))

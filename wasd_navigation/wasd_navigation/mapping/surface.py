@@ -8,7 +8,6 @@ import numpy as np
 from wasd_core.jit import jit
 
 from wasd_navigation.records import Scan
-from wasd_navigation.se2 import transform
 
 # Beyond this share of what a lidar sees, with a ray among so many on each side that hits nothing,
 # those are seen that noise has brought near: they seem nearer than they are, and tell nothing.
@@ -121,10 +120,6 @@ class Surface(NamedTuple):
     slants: np.ndarray
     ends: np.ndarray
     deviations: np.ndarray
-
-    def seen_from(self, pose: np.ndarray) -> 'Surface':
-        """Return what is drawn of it, no points, in a frame where its own has a pose (3,)."""
-        return self._replace(points=np.empty((0, 5)), ends=transform(pose, self.ends))
 
 
 def find_surface(scan: Scan, noise: Noise) -> Surface:
