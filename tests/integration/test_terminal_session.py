@@ -17,13 +17,13 @@ pytestmark = pytest.mark.slow
 # The same command with a fault in the midst of the run.
 FAULTY = """
 import sys
-from mujoco_sim.world import World
-step = World.step
-def faulty(self, count=1):
-    if self.time > 8.0:
+from mujoco_sim.world import Physics
+step = Physics.step
+def faulty(self, count):
+    if self.tick * self.time_step > 8.0:
         raise RuntimeError('made for a test')
     step(self, count)
-World.step = faulty
+Physics.step = faulty
 from wasd_bringup.cli import main
 sys.exit(main(sys.argv[1:]))
 """
