@@ -33,7 +33,8 @@ STRIDE = 0.02
 REST, NO_NEARER = 1e-3, 1e-6
 # Who cannot stop in time goes on no faster than this [m/s].
 SLOW = 0.1
-# After a part of the reaction time it may stop sooner than it is sure to, sideways and in a turn.
+# The robot may stop sooner than its sure braking says: by these factors of it (x, y, turn), after
+# this share of the reaction time.
 SOONER, SOON = np.array((1.0, 2.0, math.inf)), 1.0 / 3.0
 # What is left of a command is nothing when it is less than this [m/s], [rad/s].
 LEAST = np.array((0.01, 0.01, 0.02))

@@ -32,8 +32,8 @@ class Walker(Protocol):
     A controller that walks in place of the gait; joints are in its own order.
 
     `default` (n,) is the pose in which it begins [rad]. `ranges` are those of the velocities that
-    that it knows, or None. `failure` is '' while all is well. One that has `is_due(dt)` is not
-    stepped where that says no: its targets stay, and its next `dt` is the whole time since.
+    it knows, or None. `failure` is '' while all is well. A walker may have `is_due(dt)`: while
+    that says no, nobody steps it, its targets stay, and `dt` counts from its last step.
     """
 
     joints: tuple[str, ...]

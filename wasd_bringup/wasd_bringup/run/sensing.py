@@ -21,9 +21,9 @@ from wasd_bringup.run.robot import Robot
 SCAN = 'scan'
 # Room that is kept around who walks [m]: the trunk sways, and feet are put beside their places.
 SWAY = 0.06
-# And how much more with each metre that it takes to stop [m/m]: a walk drifts.
+# A walk drifts: so much more room for each metre of the way ahead [m/m].
 DRIFT = 0.05
-# Noise of a lidar may show an obstacle so much nearer to a guard than the map has it [m].
+# A lidar's noise may show the guard an obstacle this much nearer than the map has it [m].
 NOISE = 0.015
 # A robot whose corners stand out no farther than this is called round.
 ROUND = 1.1

@@ -28,8 +28,8 @@ WORSE, ALLOWED, LEAST = 0.5, 0.03, 0.55
 SCANS = 3
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
 LEAST_SHARE, MOST_MISFITS = 0.55, 8
-# A scan of which so much fits does not where the map contradicts no more than so much of it: the
-# robot looks at what is not in the map.
+# A scan does not speak against the pose if this share fits and the map contradicts at most that
+# share: the rest lies where the map knows nothing.
 LEAST_KNOWN, NOT_AGAINST = 0.25, 0.05
 # After so many, or when suddenly less fits, it is searched for around its pose [m], [rad]: wheels
 # slip, and robots are pushed.

@@ -30,16 +30,16 @@ SLIP, SLIP_TURN, PATIENCE, FEWEST = 1.0, 0.8, 10, 40
 # Where much is new so many points must fit what is known.
 FEWEST_OF_NEW = 12
 LEAST_LOOP_SHARE = 0.55
-# At a place again is who is near so many that are no farther from it than this share of what makes
-# a new one, and turned less [rad], where this share of a scan fits what is known, no farther off
-# than SAME_ERROR [m], [rad].
+# The robot is at a known place if ENOUGH places are near: closer than this share of the distance
+# that makes a new place, and turned less than SAME_TURN [rad]. This share of its scan must fit
+# what is known there, and the fit may move the robot by no more than SAME_ERROR [m], [rad].
 SAME_SHARE, SAME_TURN, ENOUGH, SAME_FIT = 0.8, 0.6, 3, 0.8
 SAME_ERROR = np.array((0.02, 0.02, 0.01))
-# Or among many within this [m], where so much of a scan fits: nothing new is to be seen there.
+# It is also, whatever its heading, among MANY places within this [m] where this share fits.
 KNOWN_REACH, MANY, KNOWN_FIT = 0.8, 25, 0.985
-# What is seen is joined with what is known of a place until it has been seen so often.
+# Scans are joined with the points of a known place until it has been seen so often.
 MOST_VISITS = 8
-# How well it is known there where he is, before a scan is fitted: deviations [m], [rad].
+# How well the robot's pose there is known before a scan is fitted: deviations [m], [rad].
 SAME_PRIOR = np.diag((1.0 / 0.03**2, 1.0 / 0.03**2, 1.0 / 0.015**2))
 SLIGHT = np.diag((1.0, 1.0, 1.0))  # information: a metre, a radian
 # What is seen of a place is drawn again after so many scans.

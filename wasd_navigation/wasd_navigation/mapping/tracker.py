@@ -24,8 +24,8 @@ SUREST, VAGUEST, LARGEST = 0.02, 0.1, 0.15
 # [m], [rad], the wheels have slipped; then the robot is within this of where odometry says.
 SLIP, LEAST_SLIP, LEAST_TURN = 30.0, 0.01, 0.01
 LOOSE = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.1**2))
-# It is stuck that has come less than this share of so much way [m] within so many scans, of which
-# so many at least say that the wheels slip; but not when none of so many last ones does.
+# A robot is stuck if within STUCK_SCANS its odometry went at least STUCK_WAY [m], it came less
+# than this share of that, and at least STUCK_SLIPS scans saw slip, one of the last STUCK_LAST too.
 STUCK_SHARE, STUCK_WAY, STUCK_SCANS, STUCK_SLIPS, STUCK_LAST = 0.3, 0.3, 12, 3, 6
 STUCK = 'stuck: the wheels turn, the robot does not move'
 
