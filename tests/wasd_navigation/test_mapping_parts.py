@@ -160,6 +160,17 @@ def test_a_canvas_grows_and_keeps_what_it_has() -> None:
     assert np.array_equal(after.cells[row : row + height, column : column + width], before.cells)
 
 
+def test_a_canvas_holds_all_that_is_drawn_where_noise_has_moved_a_surface_out() -> None:
+    """A kernel that writes beside its array corrupts what lies there, and nothing says so."""
+    canvas, scan = Canvas(0.05), look(np.zeros(3), np.random.default_rng(0))
+    surface = find_surface(scan, NOISE)
+    canvas.draw(scan, surface._replace(ends=1.1 * surface.ends), np.zeros(3))
+    grid = canvas.grid()
+    cells = grid.to_cells(1.1 * surface.ends)
+    assert (cells > 0).all()
+    assert (cells < np.array(grid.cells.shape) - 1).all()
+
+
 def draw_once(ends: np.ndarray, hits: np.ndarray) -> Grid:
     """Return the grid of one scan from the origin."""
     canvas, scan = Canvas(0.05), Scan(np.zeros(2), ends, hits)

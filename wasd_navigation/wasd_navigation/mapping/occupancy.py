@@ -48,7 +48,7 @@ class Canvas:
 
     def draw(self, scan: Scan, surface: Surface, pose: np.ndarray) -> None:
         """Draw a scan with its surface, taken at a pose of the base."""
-        self._cover(scan, pose)
+        self._cover(scan.begins, surface.ends, pose)
         _draw(
             *self.odds,
             pose,
@@ -71,11 +71,11 @@ class Canvas:
         corner = self._corner * self._resolution
         return Grid(cells, self._resolution, (float(corner[0]), float(corner[1])))
 
-    def _cover(self, scan: Scan, pose: np.ndarray) -> None:
-        """Grow so that a scan lies in it."""
-        if not len(scan.ends):
+    def _cover(self, begins: np.ndarray, ends: np.ndarray, pose: np.ndarray) -> None:
+        """Grow so that rays as they are drawn lie in it: kernels do not look at its bounds."""
+        if not len(ends):
             return
-        low, high = _bounds(pose, scan.begins, scan.ends, self._resolution)
+        low, high = _bounds(pose, begins, ends, self._resolution)
         size = np.array(self._odds.shape[::-1])
         end = self._corner + size
         if size.all() and (low >= self._corner).all() and (high <= end).all():
