@@ -105,6 +105,7 @@ EXACT = [
     ('model://dog/m/a.stl', 'm/a.stl'),
     ('../m/a.stl', 'm/a.stl'),
     ('a.stl', 'urdf/a.stl'),
+    ('file:a.stl', 'urdf/a.stl'),
     ('package://dog/m/a%20b.stl', 'm/a%20b.stl'),
 ]
 
@@ -117,9 +118,10 @@ def test_a_mesh_that_is_where_it_is_said_to_be_is_not_a_repair(resolve, package,
     assert report.repairs == ()
 
 
-def test_an_absolute_path_in_the_package_is_used(resolve, package, put):
+@pytest.mark.parametrize('scheme', ['file://', 'file:', ''])
+def test_an_absolute_path_in_the_package_is_used(scheme, resolve, package, put):
     put(package / 'm/a.stl')
-    assert first(resolve(f'file://{package}/m/a.stl')) == ('exact', package / 'm/a.stl')
+    assert first(resolve(f'{scheme}{package}/m/a.stl')) == ('exact', package / 'm/a.stl')
 
 
 def test_another_robots_package_is_used_and_named(resolve, package, make_package):

@@ -72,6 +72,7 @@ def _is_no_name(path: PurePosixPath) -> bool:
 
 
 def _read(url: str) -> MeshUrl | None:
+    url = re.sub('^file:(?!//)', 'file://', url, flags=re.IGNORECASE)  # as RFC 8089 allows
     if left := re.fullmatch(r'\$\(find\s+([^\s)]+)\s*\)/*(.*)', url.removeprefix('file://')):
         return MeshUrl(left[1], PurePosixPath(left[2]), ('find-left',))
     scheme, colon, rest = url.partition('://')
