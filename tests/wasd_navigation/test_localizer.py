@@ -126,6 +126,46 @@ def test_a_robot_that_was_moved_to_where_much_looks_the_same_says_so_and_is_foun
     assert is_near(robot.localizer.pose, robot.pose)
 
 
+@pytest.mark.parametrize('hand', [(0.4, -0.3, 0.0), (-0.4, 0.3, 0.0)])
+def test_a_robot_that_was_moved_a_little_says_so_and_goes_on_from_there(
+    grid: Grid, hand: tuple[float, float, float]
+) -> None:
+    poses = circle(240)
+    robot = Robot(grid, poses[0])
+    robot.localizer.start(poses[0], np.diag((0.01, 0.01, 0.01)))
+    for pose in poses[:20]:
+        robot.go(pose)
+    robot.pose = compose(robot.pose, np.array(hand))
+    said = []
+    for _ in range(2 * SCANS_OF_2_S):
+        robot.go(robot.pose)
+        said.append(robot.localizer.notice or '')
+        assert robot.localizer.is_found
+    assert any('was moved by hand, by 0.50 m' in words for words in said[:SCANS_OF_2_S])
+    assert not said[-1]
+    assert is_near(robot.localizer.pose, robot.pose)
+
+
+def test_a_robot_that_was_moved_is_not_near_where_the_map_contradicts_that(grid: Grid) -> None:
+    poses = circle(240)[90:110]
+    robot = Robot(grid, poses[0])
+    robot.localizer.start(poses[0], np.diag((0.01, 0.01, 0.01)))
+    for pose in poses:
+        robot.go(pose)
+    # To the other side of the middle, and half a metre on: the walls fit there, the box does not.
+    robot.pose = compose(np.array((0.5, 0.5, math.pi)), robot.pose)
+    robot.pose = compose(robot.pose, np.array((0.4, 0.3, 0.2)))
+    said = ''
+    for _ in range(SCANS_OF_2_S):
+        robot.go(robot.pose)
+        said += robot.localizer.notice or ''
+    assert 'moved by hand' in said and 'goes on' not in said
+    for _ in range(30):
+        robot.go(compose(robot.pose, np.array((0.005, 0.0, 0.01))))
+    assert robot.localizer.is_found
+    assert is_near(robot.localizer.pose, robot.pose)
+
+
 def test_somebody_who_stands_before_the_lidar_does_not_make_it_lose_its_place(grid: Grid) -> None:
     poses = circle(240)
     robot = Robot(grid, poses[0])

@@ -34,6 +34,9 @@ LEAST_KNOWN, NOT_AGAINST = 0.25, 0.05
 # After so many, or when suddenly less fits, it is searched for around its pose [m], [rad]: wheels
 # slip, and robots are pushed.
 PUSHED, PUSH, PUSH_TURN = 2, 0.6, 0.5
+# A robot that is found this far from where odometry has it was moved by hand, no wheels slip so
+# far between two scans [m], [rad]: that is said for so many scans.
+FAR, FAR_TURN, SAID = 0.3, 0.3, 8
 # When by so much less of a scan fits than of those before, as often, all of the map is searched
 # for where by half of that more fits; by this share a scan what has fitted before is forgotten.
 SUDDEN, FORGOTTEN = 0.1, 0.05
@@ -138,6 +141,7 @@ class Localizer:
         self._near: Search | None = None  # around the pose
         self._came = np.zeros(3)  # since that began
         self._pushed = 0  # scans in a row that fit less than before
+        self._said = 0  # scans for which it is still to be said that it was moved
         # How much of a scan fits as a rule, and how many in a row have fitted less.
         self._usual, self._drops = 0.0, 0
         self.reset()
@@ -211,6 +215,9 @@ class Localizer:
         """Correct the pose by a scan, or doubt it."""
         if self._search is not None:
             self._moved = compose(self._moved, move)
+        if self._said:
+            self._said -= 1
+            self._words = self._words if self._said else None
         fit = self._tracker.fit(self._surfaces, surface)
         is_less = fit.share < max(LEAST_SHARE, self._usual - SUDDEN)
         self._pushed = self._pushed + 1 if is_less else 0
@@ -222,6 +229,7 @@ class Localizer:
                 self._say_moved(fit.share)
             return
         self._misfits = 0
+        self._say_leap(fit.pose)
         self._tracker.believe(fit)
         self._compare(scan, surface, fit.share)
 
@@ -244,14 +252,28 @@ class Localizer:
         poses, self._near = self._near.found.poses, None
         for pose in poses[:1]:
             fit = self._fit(surface, compose(pose, self._came), PRIOR)
-            # As much as before fits, or far more than here.
-            enough = min(self._usual - SUDDEN, share + 2.0 * SUDDEN)
+            # As much as before fits, or far more than here and the map contradicts none of it.
+            enough = self._usual - SUDDEN
+            if fit.share > share + 2.0 * SUDDEN and self._is_beyond_map(scan, surface, fit):
+                enough = LEAST_SHARE
             if fit.share > max(LEAST_SHARE, enough, share + 0.5 * SUDDEN):
+                self._search, self._words, self._said = None, None, 0
+                self._say_leap(fit.pose)
                 self._tracker.put(fit.pose, invert(PRIOR + TRUST * fit.information))
                 self._misfits = self._pushed = self._drops = 0
-                self._search, self._words = None, None
                 return True
         return False
+
+    def _say_leap(self, pose: np.ndarray) -> None:
+        """Say so if the robot is far from where odometry has it."""
+        off = pose - self.pose
+        away, turned = math.hypot(off[0], off[1]), abs(wrap(off[2]))
+        if away > FAR or turned > FAR_TURN:
+            self._said = SAID
+            self._words = (
+                f'was moved by hand, by {away:.2f} m and {math.degrees(turned):.0f} degrees: '
+                'goes on from there'
+            )
 
     def _compare(self, scan: Scan, surface: np.ndarray, share: float) -> None:
         """See whether suddenly less fits, and if so, whether more does anywhere else."""
@@ -285,7 +307,7 @@ class Localizer:
 
     def _lose(self, window: Window | None) -> None:
         """Search a window, or everywhere."""
-        self._misfits = self._pushed = 0
+        self._misfits = self._pushed = self._said = 0
         self._near = None
         self._is_near = window is not None
         self._window = window or self._pyramid.everywhere
