@@ -7,21 +7,17 @@ quiet_start(__name__, 'simulator')
 
 import robot_description.mujoco  # noqa: E402, F401  it prepares the import of mujoco
 
-# Where each name is defined; loaded when it is asked for, as MuJoCo and ROS take a while.
-_HOMES = {
-    'CameraView': 'viewer.page',
-    'NativeView': 'viewer.views',
-    'RobotSetup': 'robot_setup',
-    'Simulation': 'simulation',
-    'SimulationError': 'scene',
-    'SimulatorNode': 'simulator_node',
-    'Viewpoint': 'pictures',
-    'WebView': 'viewer.page',
-    'World': 'world',
-    'build_shared_world': 'world',
-    'build_world': 'world',
-    'take_picture': 'pictures',
-    'usual_setup': 'robot_setup',
-}
-__all__ = list(_HOMES)  # noqa: PLE0605
-__getattr__ = load_lazily(__name__, _HOMES)
+# Public names by module; it is loaded for the first of them, as MuJoCo and ROS take a while.
+__all__, __getattr__ = load_lazily(
+    __name__,
+    {
+        'pictures': 'Viewpoint take_picture',
+        'robot_setup': 'RobotSetup usual_setup',
+        'scene': 'SimulationError',
+        'simulation': 'Simulation',
+        'simulator_node': 'SimulatorNode',
+        'viewer.page': 'CameraView WebView',
+        'viewer.views': 'NativeView',
+        'world': 'World build_shared_world build_world',
+    },
+)

@@ -5,20 +5,17 @@ from wasd_core import load_lazily, quiet_start
 
 quiet_start(__name__, 'describe', 'state_publisher')
 
-# Where each name is defined; loaded when it is asked for, as MuJoCo and Pinocchio take a second.
-_HOMES = {
-    'DESCRIPTIONS': 'packages',
-    'Description': 'description',
-    'Quadruped': 'morphology.quadruped',
-    'Robot': 'robot',
-    'drive_wheels': 'morphology.wheels',
-    'find_quadruped': 'morphology.quadruped',
-    'load_robot': 'description',
-    'parse_urdf': 'urdf',
-    'read_description': 'description',
-    'share_directory': 'packages',
-    'to_mujoco': 'mujoco.builder',
-    'to_pinocchio': 'pinocchio_model',
-}
-__all__ = list(_HOMES)  # noqa: PLE0605
-__getattr__ = load_lazily(__name__, _HOMES)
+# Public names by module; it is loaded for the first of them, as MuJoCo and Pinocchio are slow.
+__all__, __getattr__ = load_lazily(
+    __name__,
+    {
+        'description': 'Description load_robot read_description',
+        'morphology.quadruped': 'Quadruped find_quadruped',
+        'morphology.wheels': 'drive_wheels',
+        'mujoco.builder': 'to_mujoco',
+        'packages': 'DESCRIPTIONS share_directory',
+        'pinocchio_model': 'to_pinocchio',
+        'robot': 'Robot',
+        'urdf': 'parse_urdf',
+    },
+)

@@ -5,23 +5,23 @@ from wasd_core import load_lazily, quiet_start
 
 quiet_start(__name__, 'gamepad', 'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux')
 
-# Where each name is defined; ROS is loaded with those that need it.
-_HOMES = {
-    'Gamepad': 'gamepad_device',
-    'GamepadNode': 'gamepad_node',
-    'JoyToTwist': 'gamepad',
-    'KeyPublisherNode': 'key_publisher_node',
-    'KeyReader': 'key_reader',
-    'Keymap': 'keymap',
-    'KeysToTwist': 'keys_to_twist',
-    'KeysToTwistNode': 'keys_to_twist_node',
-    'Mux': 'mux',
-    'TeleopParameters': 'parameters',
-    'Terminal': 'terminal',
-    'TwistMuxNode': 'twist_mux_node',
-    'load_preset': 'keymap_file',
-    'parse_key_script': 'key_script',
-    'preset_names': 'keymap_file',
-}
-__all__ = list(_HOMES)  # noqa: PLE0605
-__getattr__ = load_lazily(__name__, _HOMES)
+# Public names by module; ROS is loaded with those that need it.
+__all__, __getattr__ = load_lazily(
+    __name__,
+    {
+        'gamepad': 'JoyToTwist',
+        'gamepad_device': 'Gamepad',
+        'gamepad_node': 'GamepadNode',
+        'key_publisher_node': 'KeyPublisherNode',
+        'key_reader': 'KeyReader',
+        'key_script': 'parse_key_script',
+        'keymap': 'Keymap',
+        'keymap_file': 'load_preset preset_names',
+        'keys_to_twist': 'KeysToTwist',
+        'keys_to_twist_node': 'KeysToTwistNode',
+        'mux': 'Mux',
+        'parameters': 'TeleopParameters',
+        'terminal': 'Terminal',
+        'twist_mux_node': 'TwistMuxNode',
+    },
+)

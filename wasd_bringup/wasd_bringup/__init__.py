@@ -5,16 +5,15 @@ from wasd_core import load_lazily, quiet_start
 
 quiet_start(__name__, 'wasd')
 
-# Where each name is defined; loaded when it is asked for, as simulator and ROS take a while.
-_HOMES = {
-    'ROBOTS': 'robots',
-    'RobotRow': 'robots',
-    'Robot': 'run.robot',
-    'Run': 'run.run',
-    'RunOptions': 'run.options',
-    'main': 'cli',
-    'make_parser': 'cli',
-    'read_options': 'cli.options',
-}
-__all__ = list(_HOMES)  # noqa: PLE0605
-__getattr__ = load_lazily(__name__, _HOMES)
+# Public names by module; it is loaded for the first of them, as simulator and ROS take a while.
+__all__, __getattr__ = load_lazily(
+    __name__,
+    {
+        'cli': 'main make_parser',
+        'cli.options': 'read_options',
+        'robots': 'ROBOTS RobotRow',
+        'run.options': 'RunOptions',
+        'run.robot': 'Robot',
+        'run.run': 'Run',
+    },
+)

@@ -3,11 +3,11 @@
 
 from wasd_core import load_lazily
 
-# Where each name is defined; loaded when it is asked for, as MuJoCo takes a while.
-_HOMES = {
-    'Cockpit': 'cockpit',
-    'Link': 'link',
-    'Snapshot': 'link',
-}
-__all__ = list(_HOMES)  # noqa: PLE0605
-__getattr__ = load_lazily(__name__, _HOMES)
+# Public names by module; it is loaded for the first of them, as MuJoCo takes a while.
+__all__, __getattr__ = load_lazily(
+    __name__,
+    {
+        'cockpit': 'Cockpit',
+        'link': 'Link Snapshot',
+    },
+)

@@ -53,34 +53,36 @@ def _is_at_home(folder: str) -> bool:
     return folder == os.path.dirname(os.path.dirname(__file__))
 
 
-def load_lazily(package: str, homes: 'Mapping[str, str]') -> 'Callable[[str], Any]':
-    """Return a package's `__getattr__`: a public name is loaded from its home when asked for."""
+def load_lazily(
+    package: str, homes: 'Mapping[str, str]'
+) -> 'tuple[list[str], Callable[[str], Any]]':
+    """Return a package's `__all__` and `__getattr__`, which loads the module that has a name."""
+    home_of = {name: home for home, names in homes.items() for name in names.split()}
 
     def get(name: str) -> 'Any':
-        if name not in homes:
+        if name not in home_of:
             raise AttributeError(f'module {package!r} has no attribute {name!r}')
         from importlib import import_module
 
-        return getattr(import_module(f'{package}.{homes[name]}'), name)
+        return getattr(import_module(f'{package}.{home_of[name]}'), name)
 
-    return get
+    return list(home_of), get
 
 
-# Where each name is defined; ROS and numpy are loaded with those that need them.
-_HOMES = {
-    'BaseState': 'robot_io',
-    'Executable': 'command_line',
-    'JointCommand': 'robot_io',
-    'OutputFile': 'output_file',
-    'Parameters': 'parameters',
-    'Pose': 'rotations',
-    'Reading': 'robot_io',
-    'StopSignals': 'signals',
-    'UserError': 'errors',
-    'Watchdog': 'timing',
-    'declare_parameters': 'ros_parameters',
-    'parameter': 'parameters',
-    'run_node': 'node',
-}
-__all__ = ['load_lazily', 'quiet_start', *_HOMES]  # noqa: PLE0604
-__getattr__ = load_lazily(__name__, _HOMES)
+# Public names by module; ROS and numpy are loaded with those that need them.
+__all__, __getattr__ = load_lazily(
+    __name__,
+    {
+        'command_line': 'Executable',
+        'errors': 'UserError',
+        'node': 'run_node',
+        'output_file': 'OutputFile',
+        'parameters': 'Parameters parameter',
+        'robot_io': 'BaseState JointCommand Reading',
+        'ros_parameters': 'declare_parameters',
+        'rotations': 'Pose',
+        'signals': 'StopSignals',
+        'timing': 'Watchdog',
+    },
+)
+__all__ += ['load_lazily', 'quiet_start']

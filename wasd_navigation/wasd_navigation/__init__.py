@@ -5,20 +5,15 @@ from wasd_core import load_lazily, quiet_start
 
 quiet_start(__name__, 'navigator', 'guard')
 
-# Where each name is defined; loaded when it is asked for, as numba takes a while.
-_HOMES = {
-    'DriveLimits': 'parameters',
-    'Driver': 'planning.driver',
-    'Footprint': 'parameters',
-    'Grid': 'records',
-    'Localizer': 'mapping.localizer',
-    'Mapper': 'mapping.mapper',
-    'MappingParameters': 'parameters',
-    'PlanningParameters': 'parameters',
-    'Scan': 'records',
-    'load_map': 'mapping',
-    'read_scan': 'records',
-    'save_map': 'mapping',
-}
-__all__ = list(_HOMES)  # noqa: PLE0605
-__getattr__ = load_lazily(__name__, _HOMES)
+# Public names by module; it is loaded for the first of them, as numba takes a while.
+__all__, __getattr__ = load_lazily(
+    __name__,
+    {
+        'mapping': 'load_map save_map',
+        'mapping.localizer': 'Localizer',
+        'mapping.mapper': 'Mapper',
+        'parameters': 'DriveLimits Footprint MappingParameters PlanningParameters',
+        'planning.driver': 'Driver',
+        'records': 'Grid Scan read_scan',
+    },
+)
