@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
-from diff_drive_sim.controller import Velocity
+from diff_drive_sim.limits import Velocity
 from diff_drive_sim.odometry import DiffDriveGeometry, OdometryState, Pair, PlanarCovariance
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.wheel_loop import count_ticks, FULL_PWM, Gains

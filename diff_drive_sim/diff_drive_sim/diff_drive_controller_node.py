@@ -7,8 +7,9 @@ import sys
 import time
 from typing import Any, NamedTuple
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,10 +29,16 @@ from wasd_core.node import run_node
 from wasd_core.parameters import outward_name
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
-from wasd_core.timing import Beat
-from wasd_core.topics import AbsenceWatch, has_listener, RELIABLE, SENSOR_DATA, TfBroadcaster
+from wasd_core.timing import Beat, judge_stamp
+from wasd_core.topics import (
+    AbsenceWatch,
+    has_listener,
+    RELIABLE,
+    SENSOR_DATA,
+    TfBroadcaster,
+    VelocitySubscription,
+)
 
-from diff_drive_sim.controller import judge_stamp
 from diff_drive_sim.controller_file import (
     ALIASES,
     ControllerFile,
@@ -40,13 +47,7 @@ from diff_drive_sim.controller_file import (
     UNUSED,
 )
 from diff_drive_sim.drive import Controller, DiffDrive
-from diff_drive_sim.messages import (
-    from_pose,
-    to_diagnostics,
-    to_twist_stamped,
-    to_wheel_states,
-    VelocityInput,
-)
+from diff_drive_sim.messages import from_pose, to_diagnostics, to_twist_stamped, to_wheel_states
 from diff_drive_sim.odometry import DiffDriveError
 from diff_drive_sim.parameters import diff_drive_controller, DiffDriveParameters
 
@@ -115,8 +116,8 @@ class DiffDriveControllerNode(Node):
     """
     The face of a drive: cmd_vel and parameters in, odom, /tf and diagnostics out.
 
-    A drive that it is given is stepped by who made it, who also calls the `publish` methods;
-    `cmd_vel.put` hands commands of the same process over. Alone, it makes a drive by its
+    A drive that it is given is stepped by who made it, who also calls the `publish` methods, and
+    may put another receiver in place of `cmd_vel.on_velocity`. Alone, it makes a drive by its
     parameters, steps it at each `joint_states` and publishes `joint_commands`; in mode fake it
     steps on a timer, and the wheels' `joint_states` are its own.
     """
@@ -153,8 +154,8 @@ class DiffDriveControllerNode(Node):
         self._label = f'{self.get_namespace()}/{given.name or self.get_name()}'.strip('/')
         self._absence = AbsenceWatch(self, self._on_return)
         self._arrived_at = 0.0
-        self.cmd_vel = VelocityInput(
-            self, self.settings.stamped, self._on_twist, self._on_twist_stamped, self._is_stale
+        self.cmd_vel = VelocitySubscription(
+            self, self._on_velocity, self._is_stale, self.settings.stamped, self._age_of
         )
         self._names = self._own_joint_names(alone=self.unit.is_fake and self._is_alone)
         self._make_publishers()
@@ -317,27 +318,27 @@ class DiffDriveControllerNode(Node):
                     f'was paused for {gap:.1f} s: stops until a new velocity comes'
                 )
 
-    def _on_twist(self, message: Twist, age: float = 0.0) -> None:
+    def _on_velocity(self, velocity: tuple[float, float, float], age: float) -> bool:
         self._arrived_at = time.monotonic()
-        if not self.controller.command(message.linear.x, message.angular.z, age):
+        linear, _, angular = velocity
+        if not self.controller.command(linear, angular, age):
             self.get_logger().warning(
-                f'cmd_vel is not finite (linear.x {message.linear.x}, angular.z '
-                f'{message.angular.z}): ignored',
+                f'cmd_vel is not finite (linear.x {linear}, angular.z {angular}): ignored',
                 once=True,
             )
+        return True
 
-    def _on_twist_stamped(self, message: TwistStamped) -> None:
-        now = 1e-9 * self.get_clock().now().nanoseconds
-        stamp = to_seconds(message.header.stamp)
-        verdict = judge_stamp(stamp, now, self.settings.cmd_vel_timeout)
+    def _age_of(self, stamp: Time) -> float | None:
+        """Return how old a command is [s], None for one to be dropped, and tell what is odd."""
+        now, sent = 1e-9 * self.get_clock().now().nanoseconds, to_seconds(stamp)
+        verdict = judge_stamp(sent, now, self.settings.cmd_vel_timeout)
         if verdict.age is None:
             self.get_logger().warning(f'cmd_vel {verdict.note}', throttle_duration_sec=1.0)
-            return
-        if verdict.note and stamp == 0.0:
+        elif verdict.note and sent == 0.0:
             self.get_logger().warning(f'cmd_vel {verdict.note}', once=True)
         elif verdict.note:
             self.get_logger().warning(f'cmd_vel {verdict.note}', throttle_duration_sec=5.0)
-        self._on_twist(message.twist, verdict.age)
+        return verdict.age
 
     def _on_reset_odometry(
         self, _: Trigger.Request, response: Trigger.Response

@@ -1,38 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One robot's drive put together: geometry, motor, controller, wheel loops or arithmetic."""
+"""
+One robot's drive: velocity commands and wheel angles in, commands of the motors out.
+
+The controller makes wheel speeds of the command in force; a drive puts it together with geometry,
+motors, and wheel loops or arithmetic.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 import math
 
 import numpy as np
-from robot_description.morphology.equip_wheels import strength
+from robot_description.morphology.equip_wheels import Strength, strength
 from robot_description.robot import Robot
 from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.arbotix import ArbotixDrive, LegacyController, setpoints_of
-from diff_drive_sim.controller import DiffDriveController, MAXIMUM_STEP, Velocity
+from diff_drive_sim.limits import PlanarRamp, Velocity
 from diff_drive_sim.odometry import (
     DiffDriveGeometry,
     find_pair,
     geometry_of,
+    Growth,
+    KinematicBase,
     OdometryState,
-    Pair,
+    PlanarCovariance,
     WheelOdometry,
 )
 from diff_drive_sim.parameters import DiffDriveParameters, WheelParameters
 from diff_drive_sim.shortfall import Shortfall
-from diff_drive_sim.wheel_loop import (
-    count_ticks,
-    Gains,
-    is_gap,
-    wheel_motor,
-    WheelLoop,
-    WheelMotor,
-)
+from diff_drive_sim.wheel_loop import count_ticks, FloatDrive, Gains, is_gap, wheel_motor
 
-Controller = DiffDriveController | LegacyController
 # Of the torque that motors have a ramp uses so much: the loop needs some, too.
 USED_SHARE = 0.8
 JUMPED = (
@@ -42,65 +41,184 @@ JUMPED = (
 JUMPS_SAID = 5.0
 
 
-class FloatDrive:
-    """Two wheel loops with fractions."""
-
-    def __init__(self, gains: Gains, motor: WheelMotor, scale: float, delay: int) -> None:
-        self._loops = (
-            WheelLoop(gains, motor, scale, delay),
-            WheelLoop(gains, motor, scale, delay),
-        )
-
-    def step(self, speeds: Pair, ticks: tuple[int, int], dt: float) -> Pair:
-        """Return duties, -1 to 1, for forward wheel speeds [rad/s]; `dt` [s] after the last."""
-        left, right = self._loops
-        return left.step(speeds[0], ticks[0], dt), right.step(speeds[1], ticks[1], dt)
-
-    def set_gains(self, gains: Gains) -> None:
-        """Go on with other gains."""
-        for loop in self._loops:
-            loop.gains = gains
-
-    def reset(self) -> None:
-        """Forget the past."""
-        for loop in self._loops:
-            loop.reset()
-
-
 def gains_of(parameters: DiffDriveParameters) -> Gains:
     """Return the loop's gains."""
     return Gains(parameters.Kp, parameters.Kd, parameters.Ki, parameters.Ko)
 
 
-class KinematicBase:
-    """
-    Two wheels without slip, motors or mass: what mode fake drives.
+# A ramp goes on for no longer than this after a gap [s]: the robot eases in, not jumps. Nothing
+# else is cut short: a command has the age that it has.
+MAXIMUM_STEP = 0.1
 
-    Keeps the wheels' angles and the true pose; `step` turns the wheels at speeds [rad/s] for a
-    time [s].
+
+class DiffDriveController:
+    """
+    Follows the last velocity command with bounded velocity, acceleration and jerk.
+
+    Keeps the command and its age, the velocity reached so far and the odometry. One `step` is
+    one control period: wheel angles in, wheel speeds out. `lowered` is the last command that was
+    too fast for a wheel, and what it became.
     """
 
-    def __init__(self, geometry: DiffDriveGeometry) -> None:
-        self._rolling = WheelOdometry(geometry)
+    def __init__(
+        self,
+        geometry: DiffDriveGeometry,
+        parameters: DiffDriveParameters,
+        strength: tuple[Strength, Strength] = (Strength(), Strength()),
+    ) -> None:
+        """Take wheels and parameters; `strength` is what motors can do, ahead and in a turn."""
+        self.geometry = geometry
+        self._strength = strength
+        self.odometry = WheelOdometry(geometry, window=parameters.velocity_rolling_window_size)
+        self._ramp = PlanarRamp(geometry)
+        self._command_age = Watchdog(parameters.cmd_vel_timeout)
+        self.parameters = parameters
+        # What a guard leaves of the command in force.
+        self.hold_back: Callable[[Velocity], Velocity] = lambda velocity: velocity
+        self.refused_commands = 0
+        self.lowered: tuple[Velocity, Velocity] | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Be at the origin, the wheels at angle 0."""
-        self._rolling.reset()
-        self.angles = (0.0, 0.0)
-        self.speeds = (0.0, 0.0)
-        self._rolling.step(*self.angles, 0.0)
+        """Stand still at the origin, with no command."""
+        self.odometry.reset()
+        self.velocity = Velocity()
+        self._ramp.reset()
+        self._wanted = Velocity()
+        self.forget_command()
+
+    def forget_command(self) -> None:
+        """Be as if no command had ever come: the robot stops on its ramp."""
+        self._command_age.reset()
+        self._is_new = False
+
+    def reset_odometry(self) -> None:
+        """Be at the origin, the robot going on as it does."""
+        self.odometry.set_pose(0.0, 0.0, 0.0, PlanarCovariance())
+
+    def set_odometry(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
+        """Be at a pose [m], [rad], the robot going on as it does."""
+        self.odometry.set_pose(x, y, yaw, covariance)
 
     @property
-    def pose(self) -> OdometryState:
-        """Where it is, and its velocity."""
-        return self._rolling.state
+    def parameters(self) -> DiffDriveParameters:
+        """Limits and time-out; new ones act on the command in force."""
+        return self._parameters
 
-    def step(self, left: float, right: float, dt: float) -> None:
-        """Turn the wheels at speeds [rad/s] for `dt` [s]."""
-        self.speeds = (left, right)
-        self.angles = (self.angles[0] + left * dt, self.angles[1] + right * dt)
-        self._rolling.step(*self.angles, dt)
+    @parameters.setter
+    def parameters(self, parameters: DiffDriveParameters) -> None:
+        self._parameters = parameters
+        linear = parameters.linear_limits().within(self._strength[0])
+        angular = parameters.angular_limits(self.geometry.wheel_separation)
+        angular = angular.within(self._strength[1])
+        self._ramp.linear.limits, self._ramp.angular.limits = linear, angular
+        self._command_age.timeout = parameters.cmd_vel_timeout
+        self.odometry.growth = Growth(
+            parameters.distance_variance, parameters.turn_variance, parameters.drift_variance
+        )
+        geometry = self.geometry
+        rim = max(linear.forward, linear.backward)
+        rim += 0.5 * geometry.wheel_separation * max(angular.forward, angular.backward)
+        smallest = min(geometry.left_radius, geometry.right_radius)
+        self.odometry.speed_limit = min(rim / smallest, geometry.speed_limit)
+
+    @property
+    def target(self) -> Velocity:
+        """
+        The command in force: the last one within the limits, or zero when it is too old.
+
+        What is beyond a limit of the robot or of its wheels is slowed down as a whole, so that
+        the robot keeps to the curve it was asked to take.
+        """
+        return self._slow_down(self._limited())
+
+    def _limited(self) -> Velocity:
+        """Return the command in force within the limits of the axes."""
+        if self.timed_out:
+            return Velocity()
+        linear, angular = self._wanted
+        limits = self._ramp.linear.limits, self._ramp.angular.limits
+        share = min(limits[0].share(linear), limits[1].share(angular))
+        return Velocity(share * linear, share * angular)
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether there has been no command for longer than the time-out."""
+        return not self._command_age.is_alive
+
+    @property
+    def state(self) -> str:
+        """`driving`, `stopped`, or `timed out` when it stops because commands have ceased."""
+        if self.velocity == Velocity() and self.target == Velocity():
+            return 'stopped'
+        return 'timed out' if self.timed_out else 'driving'
+
+    def command(self, linear: float, angular: float, age: float = 0.0) -> bool:
+        """
+        Take a velocity command [m/s], [rad/s] of an age [s] and return whether it was taken.
+
+        It is in force from the next step on, which may make it older. One that is not finite is
+        refused and the previous one stays.
+        """
+        if not (math.isfinite(linear) and math.isfinite(angular)):
+            self.refused_commands += 1
+            return False
+        self._wanted = Velocity(linear, angular)
+        self._command_age.hear(age)
+        self._is_new = True
+        return True
+
+    def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
+        """
+        Return left and right wheel speed [rad/s].
+
+        `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones; a command
+        that has come since those came `late` [s] before these.
+        """
+        if self.parameters.open_loop:
+            self.odometry.advance(*self.velocity, dt)
+        else:
+            self.odometry.step(left, right, dt)
+        self._command_age.step(late if self._is_new else dt)
+        self._is_new = False
+        limited = self._limited()
+        target = self._slow_down(limited)
+        if target != limited:
+            self.lowered = limited, target
+        target = self.hold_back(target)
+        self.velocity = self._ramp.step(*target, self._ramp_time(dt))
+        return self.geometry.wheel_speeds(*self.velocity)
+
+    def _ramp_time(self, dt: float) -> float:
+        """Return for how long the ramp goes on [s]: a stop that was due in a gap is over."""
+        if not self.timed_out:
+            return min(dt, MAXIMUM_STEP)
+        return min(dt, max(MAXIMUM_STEP, self._command_age.age - self._command_age.timeout))
+
+    @property
+    def odometry_state(self) -> OdometryState:
+        """Pose and twist by the wheels."""
+        return self.odometry.state
+
+    @property
+    def covariance(self) -> PlanarCovariance:
+        """How sure the pose is."""
+        return self.odometry.covariance
+
+    @property
+    def restarts(self) -> int:
+        """How often the wheel angles have jumped."""
+        return self.odometry.restarts
+
+    def _slow_down(self, velocity: Velocity) -> Velocity:
+        """Return the velocity, slowed down as a whole to what the faster wheel can do."""
+        fastest = max(map(abs, self.geometry.wheel_speeds(*velocity)))
+        limit = self.geometry.speed_limit
+        share = limit / fastest if fastest > limit else 1.0
+        return Velocity(share * velocity.linear, share * velocity.angular)
+
+
+Controller = DiffDriveController | LegacyController
 
 
 class DiffDrive:

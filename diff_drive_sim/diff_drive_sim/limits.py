@@ -250,6 +250,13 @@ def _most(velocity: float, limits: AxisLimits, dt: float) -> float:
     return most
 
 
+class Velocity(NamedTuple):
+    """Planar velocity of the middle of the axle, which cannot slide sideways."""
+
+    linear: float = 0.0  # [m/s], forward
+    angular: float = 0.0  # [rad/s], counter-clockwise
+
+
 Span = tuple[float, float]
 
 
@@ -275,15 +282,15 @@ class PlanarRamp:
         self.linear.take(Motion())
         self.angular.take(Motion())
 
-    def step(self, linear: float, angular: float, dt: float) -> tuple[float, float]:
-        """Return speed [m/s] and yaw rate [rad/s] `dt` [s] later; a `dt` of 0 keeps them."""
+    def step(self, linear: float, angular: float, dt: float) -> Velocity:
+        """Return the velocity `dt` [s] later; a `dt` of 0 keeps it."""
         if dt > 0.0:
             forward, turn = self.linear.toward(linear, dt), self.angular.toward(angular, dt)
             if not self._fits(self.linear.span(forward), self.angular.span(turn)):
                 forward, turn = self._within_wheels(forward, turn, dt)
             self.linear.take(forward)
             self.angular.take(turn)
-        return self.linear.velocity, self.angular.velocity
+        return Velocity(self.linear.velocity, self.angular.velocity)
 
     def _fits(self, forward: Span, turn: Span) -> bool:
         """Whether both wheels can do all that is within two spans."""

@@ -313,6 +313,37 @@ class WheelOdometry:
         return forward / elapsed, sum(each.turn for each in self._moves) / elapsed
 
 
+class KinematicBase:
+    """
+    Two wheels without slip, motors or mass: what mode fake drives.
+
+    Keeps the wheels' angles and the true pose; `step` turns the wheels at speeds [rad/s] for a
+    time [s].
+    """
+
+    def __init__(self, geometry: DiffDriveGeometry) -> None:
+        self._rolling = WheelOdometry(geometry)
+        self.reset()
+
+    def reset(self) -> None:
+        """Be at the origin, the wheels at angle 0."""
+        self._rolling.reset()
+        self.angles = (0.0, 0.0)
+        self.speeds = (0.0, 0.0)
+        self._rolling.step(*self.angles, 0.0)
+
+    @property
+    def pose(self) -> OdometryState:
+        """Where it is, and its velocity."""
+        return self._rolling.state
+
+    def step(self, left: float, right: float, dt: float) -> None:
+        """Turn the wheels at speeds [rad/s] for `dt` [s]."""
+        self.speeds = (left, right)
+        self.angles = (self.angles[0] + left * dt, self.angles[1] + right * dt)
+        self._rolling.step(*self.angles, dt)
+
+
 def _sinc(angle: float) -> float:
     """Return sin(angle) / angle; its series where the quotient would lose digits."""
     if abs(angle) < 1e-4:

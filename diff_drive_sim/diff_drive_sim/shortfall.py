@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from diff_drive_sim.controller import Velocity
+from diff_drive_sim.limits import Velocity
 
 # After so long of a steady command [s] it is measured for so long [s].
 SETTLED, MEASURED = 1.0, 1.0

@@ -10,6 +10,8 @@ from robot_description.morphology.equip_wheels import size_motor
 from robot_description.morphology.wheels import Drive
 from robot_description.robot import Robot
 
+from diff_drive_sim.odometry import Pair
+
 
 @dataclass(frozen=True)
 class WheelMotor:
@@ -149,6 +151,31 @@ class WheelLoop:
         if abs(self.duty) < 1.0 or behind * self.duty < 0.0:
             self._behind += behind
             self._sum += _beyond(self._behind) * dt / FRAME
+
+
+class FloatDrive:
+    """Two wheel loops with fractions."""
+
+    def __init__(self, gains: Gains, motor: WheelMotor, scale: float, delay: int) -> None:
+        self._loops = (
+            WheelLoop(gains, motor, scale, delay),
+            WheelLoop(gains, motor, scale, delay),
+        )
+
+    def step(self, speeds: Pair, ticks: tuple[int, int], dt: float) -> Pair:
+        """Return duties, -1 to 1, for forward wheel speeds [rad/s]; `dt` [s] after the last."""
+        left, right = self._loops
+        return left.step(speeds[0], ticks[0], dt), right.step(speeds[1], ticks[1], dt)
+
+    def set_gains(self, gains: Gains) -> None:
+        """Go on with other gains."""
+        for loop in self._loops:
+            loop.gains = gains
+
+    def reset(self) -> None:
+        """Forget the past."""
+        for loop in self._loops:
+            loop.reset()
 
 
 def _beyond(ticks: float) -> float:

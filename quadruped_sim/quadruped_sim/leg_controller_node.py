@@ -6,7 +6,6 @@ from functools import partial
 import sys
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -39,6 +38,7 @@ from wasd_core.topics import (
     RELIABLE,
     SENSOR_DATA,
     TfBroadcaster,
+    VelocitySubscription,
 )
 
 from quadruped_sim.elevation import Elevation
@@ -53,10 +53,10 @@ class LegControllerNode(Node):
     """
     The face of a quadruped's legs: keys, cmd_vel and parameters in, odom, /tf and state out.
 
-    Legs that it is given are stepped by who made them, who also calls `publish`; `keys.put` and
-    `cmd_vel.put` hand over what comes from the same process. Alone, it makes legs by its
-    parameters, steps them at each `joint_states` with the `imu/data` of the same stamp, and
-    publishes `joint_commands`.
+    Legs that it is given are stepped by who made them, who also calls `publish`, and may put
+    another receiver in place of `cmd_vel.on_velocity`. Alone, it makes legs by its parameters,
+    steps them at each `joint_states` with the `imu/data` of the same stamp, and publishes
+    `joint_commands`.
     """
 
     def __init__(
@@ -93,9 +93,7 @@ class LegControllerNode(Node):
         self.frames = settings.odom_frame, settings.base_frame or self.legs.base_frame
         self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         self._absence = AbsenceWatch(self, self._on_return)
-        self.cmd_vel = LoopbackSubscription(
-            self, Twist, 'cmd_vel', self._on_twist, is_stale=self._absence.is_stale
-        )
+        self.cmd_vel = VelocitySubscription(self, self._on_velocity, self._absence.is_stale)
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._published_state = ''
@@ -172,8 +170,9 @@ class LegControllerNode(Node):
         self.legs.see(elevation)
         self.tell_heights(elevation, stamp)
 
-    def _on_twist(self, message: Twist) -> None:
-        self.legs.command(message.linear.x, message.linear.y, message.angular.z)
+    def _on_velocity(self, velocity: tuple[float, float, float], age: float) -> bool:
+        self.legs.command(*velocity)
+        return True
 
     def _on_return(self, gap: float) -> None:
         """Begin without a velocity after this process stood still: nobody knows who wants it."""

@@ -182,7 +182,8 @@ class GamepadNode(Node):
 
     def _tell(self, state: JoyState) -> None:
         message = to_joy(state, self.get_clock().now().to_msg())
-        self.joy.put(message)
+        self.joy.expect(message)
+        self._on_joy(message)
         self._joy.publish(message)
 
     def _on_joy(self, message: Joy) -> None:

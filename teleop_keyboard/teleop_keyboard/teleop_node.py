@@ -91,7 +91,7 @@ class Teleop:
         self._executor = MessagePump()
         self.twist = KeysToTwistNode()
         self.keys = KeyPublisherNode()
-        self.keys.receivers.append(self.twist.keys.put)
+        self.keys.receivers += [self.twist.keys.expect, self.twist.keys.hear]
         self._hints = KeyHints(self.twist.logic, HELP_KEY)
         self._notice = Notice()
         self._monitor = RobotMonitorNode()

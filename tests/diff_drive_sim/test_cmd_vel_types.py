@@ -90,12 +90,14 @@ def test_one_type_can_be_asked_for(make, publish, spawn, spin_until, wanted, dea
 
 
 @pytest.mark.parametrize('message', [plain, stamped])
-def test_what_is_not_admitted_is_not_heard(make, publish, spawn, spin_until, message):
+def test_both_types_go_to_the_receiver_in_place(make, publish, spawn, spin_until, message):
     node, asked = make(), []
-    node.cmd_vel.admit = lambda twist: asked.append(twist.linear.x)
+    taken = node.cmd_vel.on_velocity
+    node.cmd_vel.on_velocity = lambda velocity, age: asked.append(velocity)
     spin_until(spawn.pump, lambda: asked, step=lambda: publish(message(0.2)))
+    assert asked[0] == (0.2, 0.0, 0.0)
     assert node.controller.target.linear == 0.0
-    node.cmd_vel.admit = lambda twist: True
+    node.cmd_vel.on_velocity = taken
     spin_until(
         spawn.pump,
         lambda: node.controller.target.linear == 0.2,
@@ -105,11 +107,11 @@ def test_what_is_not_admitted_is_not_heard(make, publish, spawn, spin_until, mes
 
 def test_an_old_command_is_dropped_and_one_without_a_stamp_is_of_now(make, capfd):
     node = make(stamped='true')
-    node.cmd_vel.put(stamped(0.2))
-    node.cmd_vel.put(stamped(0.1))
+    node.cmd_vel.hear(stamped(0.2))
+    node.cmd_vel.hear(stamped(0.1))
     assert node.controller.target.linear == 0.1
     old = node.get_clock().now() - rclpy.duration.Duration(seconds=0.7)
-    node.cmd_vel.put(stamped(0.3, old.to_msg()))
+    node.cmd_vel.hear(stamped(0.3, old.to_msg()))
     assert node.controller.target.linear == 0.1
     said = capfd.readouterr().err
     assert said.count('has no stamp: taken as of now') == 1
@@ -119,7 +121,7 @@ def test_an_old_command_is_dropped_and_one_without_a_stamp_is_of_now(make, capfd
 def test_a_command_that_took_its_time_times_out_sooner(make):
     node = make(stamped='true')
     stamp = node.get_clock().now() - rclpy.duration.Duration(seconds=0.3)
-    node.cmd_vel.put(stamped(0.3, stamp.to_msg()))
+    node.cmd_vel.hear(stamped(0.3, stamp.to_msg()))
     steps = 0
     while node.controller.target.linear:
         node.unit.control(0.0, 0.0, 0.005)

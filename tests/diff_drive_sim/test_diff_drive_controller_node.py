@@ -164,7 +164,7 @@ def test_odometry_comes_at_50_hz_with_the_stamp_of_the_state(rig, spawn, spin_un
 
 
 def test_a_state_is_answered_with_wheel_speeds_and_gains(driver, peer, feed):
-    driver.cmd_vel.put(twist(0.2))
+    driver.cmd_vel.hear(twist(0.2))
     feed(1.0)
     command = feed(1.02)
     assert list(command.joint_names) == WHEELS
@@ -176,7 +176,7 @@ def test_a_state_is_answered_with_wheel_speeds_and_gains(driver, peer, feed):
 
 
 def test_after_a_gap_it_eases_in(driver, feed):
-    driver.cmd_vel.put(twist(1.0))
+    driver.cmd_vel.hear(twist(1.0))
     feed(1.0)
     driver.controller.command(1.0, 0.0)
     driver.unit.control(0.0, 0.0, 59.0)  # the command has come in the end
@@ -184,7 +184,7 @@ def test_after_a_gap_it_eases_in(driver, feed):
 
 
 def test_a_clock_that_jumps_back_moves_nothing(driver, feed):
-    driver.cmd_vel.put(twist(1.0))
+    driver.cmd_vel.hear(twist(1.0))
     feed(5.0)
     feed(5.02)
     speed = driver.controller.velocity.linear
@@ -227,7 +227,7 @@ def test_stamped_commands_are_taken_by_a_stamped_controller(isolated_ros, mbot):
     try:
         message = TwistStamped()
         message.twist.linear.x = 0.3
-        node.cmd_vel.put(message)
+        node.cmd_vel.hear(message)
         assert node.controller.target.linear == 0.3
     finally:
         node.destroy_node()
@@ -239,7 +239,7 @@ def test_limits_can_be_changed_while_it_drives(driver):
         return driver.set_parameters([Parameter(name, value=value)])[0]
 
     assert set_to('linear.x.max_velocity', 0.1).successful
-    driver.cmd_vel.put(twist(5.0))
+    driver.cmd_vel.hear(twist(5.0))
     assert driver.controller.target.linear == 0.1
     refused = set_to('linear.x.max_velocity', 0.0)
     assert not refused.successful
@@ -251,7 +251,7 @@ def test_limits_can_be_changed_while_it_drives(driver):
 
 
 def test_closing_leaves_the_wheels_stopped(driver):
-    driver.cmd_vel.put(twist(0.5))
+    driver.cmd_vel.hear(twist(0.5))
     driver.unit.control(0.0, 0.0, 0.1)
     driver.close()
     np.testing.assert_array_equal(driver.unit.control(0.0, 0.0, 0.1).velocity, [0.0, 0.0])

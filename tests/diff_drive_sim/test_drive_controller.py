@@ -2,7 +2,8 @@
 from dataclasses import replace
 import math
 
-from diff_drive_sim.controller import DiffDriveController, Velocity
+from diff_drive_sim.drive import DiffDriveController
+from diff_drive_sim.limits import Velocity
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest

@@ -4,7 +4,8 @@
 import math
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from diff_drive_sim.drive import DiffDrive, KinematicBase
+from diff_drive_sim.drive import DiffDrive
+from diff_drive_sim.odometry import KinematicBase
 from diff_drive_sim.parameters import DiffDriveParameters
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry

@@ -141,7 +141,7 @@ def test_cmd_vel_times_out_at_any_rate_of_joint_states(connect, spawn, spin_unti
         driver._stepped_wall -= 1000.0
         twist = Twist()
         twist.linear.x = 0.3
-        driver.cmd_vel.put(twist)
+        driver.cmd_vel.hear(twist)
         last = now
         assert answer() == pytest.approx(0.3)
     while answer():

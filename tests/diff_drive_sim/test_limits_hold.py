@@ -4,7 +4,7 @@
 import math
 import random
 
-from diff_drive_sim.controller import DiffDriveController
+from diff_drive_sim.drive import DiffDriveController
 from diff_drive_sim.limits import AxisLimits, PlanarRamp
 from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.parameters import DiffDriveParameters

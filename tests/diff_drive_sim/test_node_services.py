@@ -272,7 +272,7 @@ def test_the_file_of_an_arbotix_drives(make, tmp_path):
     )
     node = make(controller=str(path), mode='arbotix')
     assert node.unit.update_rate == 500.0
-    node.cmd_vel.put(_twist(0.5))
+    node.cmd_vel.hear(_twist(0.5))
     wheels = [node.unit.control(0.0, 0.0, 0.002).velocity[0] for _ in range(500)]
     # A blocked wheel gets more and more, in steps of the board's PWM.
     assert wheels[-1] > wheels[100] > 0.0

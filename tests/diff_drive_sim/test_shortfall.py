@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot that is slower than it is told is noticed, with the share, after a steady while."""
 
-from diff_drive_sim.controller import Velocity
+from diff_drive_sim.limits import Velocity
 from diff_drive_sim.shortfall import MEASURED, SETTLED, Shortfall
 import pytest
 

@@ -179,7 +179,7 @@ def test_the_parameter_and_the_key_choose_the_same_gait(make):
     (result,) = legs.set_parameters([Parameter('gait', value='walk')])
     assert result.successful
     assert legs.controller.gait == 'walk'
-    legs.keys.put(String(data='n'))
+    legs.keys.hear(String(data='n'))
     assert legs.controller.gait == legs.get_parameter('gait').value == 'pace'
     legs.legs.reset()
     legs.publish()
@@ -191,7 +191,7 @@ def test_the_eyes_are_a_parameter_that_follows_the_key(make):
     (result,) = legs.set_parameters([Parameter('eyes', value=True)])
     assert result.successful
     assert legs.controller.eyes
-    legs.keys.put(String(data='e'))
+    legs.keys.hear(String(data='e'))
     assert not legs.controller.eyes
     assert legs.get_parameter('eyes').value is False
 

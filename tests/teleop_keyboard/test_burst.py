@@ -41,7 +41,7 @@ def test_a_burst_that_is_handed_over_is_not_heard_twice(spawn, spin_until):
     subscription = LoopbackSubscription(
         robot, String, 'keys', lambda m: heard.append(m.data), EVENTS
     )
-    publisher.receivers.append(subscription.put)
+    publisher.receivers += [subscription.expect, subscription.hear]
     spin_until(spawn.pump, lambda: publisher.has_subscriber)
     typed = keys_of(BURST)
     for key in typed:

@@ -45,7 +45,7 @@ def make_node(ros):
 
 def test_keys_put_in_come_out_as_twists_in_the_same_instant(make_node):
     node = make_node()
-    node.keys.put(String(data='i'))
+    node.keys.hear(String(data='i'))
     for _ in range(100):
         node.step(0.002)
     assert isinstance(node.received[0], Twist)
@@ -58,7 +58,7 @@ def test_the_same_keys_give_the_same_messages(make_node):
         node = make_node()
         for index in range(1000):
             if index % 15 == 0 and index < 500:
-                node.keys.put(String(data='u'))
+                node.keys.hear(String(data='u'))
             node.step(0.002)
         return node.received
 
@@ -67,7 +67,7 @@ def test_the_same_keys_give_the_same_messages(make_node):
 
 def test_closing_leaves_a_moving_robot_stopped(make_node):
     node = make_node()
-    node.keys.put(String(data='i'))
+    node.keys.hear(String(data='i'))
     node.step(0.3)
     node.close()
     assert from_twist(node.received[-1]) == STANDSTILL
@@ -75,7 +75,7 @@ def test_closing_leaves_a_moving_robot_stopped(make_node):
 
 def test_a_stop_is_handed_over_without_time_passing(make_node):
     node = make_node()
-    node.keys.put(String(data='i'))
+    node.keys.hear(String(data='i'))
     node.step(0.3)
     node.stop()
     assert from_twist(node.received[-1]) == STANDSTILL
@@ -83,7 +83,7 @@ def test_a_stop_is_handed_over_without_time_passing(make_node):
 
 def test_parameters_of_the_tutorials_change_the_speed(make_node):
     node = make_node(scale_linear=0.1)
-    node.keys.put(String(data='i'))
+    node.keys.hear(String(data='i'))
     node.step(0.5)
     assert from_twist(node.received[-1]).vx == 0.1
     (result,) = node.set_parameters([Parameter('speed', value=0.3)])
@@ -106,7 +106,7 @@ def test_an_illegal_parameter_is_rejected_at_start_and_while_running(make_node):
 
 def test_stamped_messages_carry_the_frame_and_the_time_of_the_node(make_node):
     node = make_node(stamped=True, frame_id='base')
-    node.keys.put(String(data='i'))
+    node.keys.hear(String(data='i'))
     node.step(0.1)
     message = node.received[-1]
     assert isinstance(message, TwistStamped)
@@ -117,7 +117,7 @@ def test_stamped_messages_carry_the_frame_and_the_time_of_the_node(make_node):
 
 def test_a_key_that_was_handed_over_is_not_handled_again_when_it_comes_back(ros):
     twist, keys = KeysToTwistNode(KeysToTwist(load_preset('mbot'))), KeyPublisherNode()
-    keys.receivers.append(twist.keys.put)
+    keys.receivers += [twist.keys.expect, twist.keys.hear]
     executor = SingleThreadedExecutor()
     executor.add_node(twist)
     executor.add_node(keys)
@@ -141,11 +141,11 @@ def test_keys_that_cancelled_each_other_are_forgotten_when_the_next_one_comes(ro
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     for key in 'ws':
-        node.keys.put(String(data=key))
+        node.keys.hear(String(data=key))
     end = time.monotonic() + 1.5
     while time.monotonic() < end:
         executor.spin_once(timeout_sec=0.01)
-    node.keys.put(String(data='s'))
+    node.keys.hear(String(data='s'))
     assert node.logic.keys_down == ('s',)
     executor.shutdown()
     node.destroy_node()
@@ -157,7 +157,7 @@ def test_alone_it_follows_its_own_clock(ros):
     node.receivers.append(lambda message: received.append((time.monotonic(), from_twist(message))))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    node.keys.put(String(data='i'))
+    node.keys.hear(String(data='i'))
     end = time.monotonic() + 1.5
     while time.monotonic() < end:
         executor.spin_once(timeout_sec=0.01)

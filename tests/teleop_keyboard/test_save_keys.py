@@ -40,7 +40,7 @@ def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
             now = index * 0.002
             while waiting and waiting[0][0] <= now:
                 _, key = waiting.pop(0)
-                node.keys.put(String(data=key))
+                node.keys.hear(String(data=key))
                 if save is not None:
                     save.write(now, key)
             node.step(0.002)

@@ -59,7 +59,7 @@ def test_auto_follows_the_subscriber(teleop_of, subscribers_of, spawn, spin_unti
     spin_until(spawn.pump, lambda: teleop.has_subscriber)
     sent = []
     teleop.receivers.append(sent.append)
-    teleop.keys.put(String(data='i'))
+    teleop.keys.hear(String(data='i'))
     assert type(sent[-1]) is message_type
     for _ in range(10):
         teleop._output.look()
@@ -113,9 +113,9 @@ def test_the_idle_policy_says_what_a_standing_robot_hears(ros_domain, spawn, idl
         return len(sent)
 
     assert wait(2.0) == before
-    node.keys.put(String(data='i'))
+    node.keys.hear(String(data='i'))
     assert wait(0.5) == 25
-    node.keys.put(String(data='k'))
+    node.keys.hear(String(data='k'))
     assert wait(2.0) == after
     assert {from_twist(message) for message in sent} == {STANDSTILL}
     assert wait(2.0) == (0 if idle == 'silent' else after)
@@ -142,7 +142,7 @@ def test_stamps_and_ramps_are_simulated_time_and_a_pause_brings_no_burst(
         )
 
     tick_to(10 * 10**9)
-    teleop.keys.put(String(data='i'))
+    teleop.keys.hear(String(data='i'))
     assert sent[-1].header.stamp.sec == 10
     first = sent[-1].twist.linear.x
     count = len(sent)
@@ -177,7 +177,7 @@ def test_at_half_speed_the_ramp_follows_simulated_time(teleop_of, context, spawn
         clock.publish(Clock(clock=Time(sec=int(seconds), nanosec=int(1e9 * fraction))))
 
     spin_until(spawn.pump, lambda: teleop.get_clock().now().nanoseconds > 0, 10.0, tick)
-    teleop.keys.put(String(data='j'))
+    teleop.keys.hear(String(data='j'))
 
     def step():
         tick()

@@ -42,7 +42,7 @@ def test_auto_takes_the_type_that_its_process_has(ros_domain, here, spawn, messa
     heard = []
     here.create_subscription(message_type, 'cmd_vel', heard.append, 10)
     teleop = spawn(KeysToTwistNode())
-    teleop.keys.put(String(data='i'))
+    teleop.keys.hear(String(data='i'))
     deadline = time.monotonic() + 10.0
     while not heard:
         assert time.monotonic() < deadline
@@ -75,7 +75,7 @@ def test_it_keeps_its_type_where_the_process_holds_it_and_warns_once(
     assert warning.startswith('/cmd_vel: there has TwistStamped, this sends Twist')
     sent = []
     teleop.receivers.append(sent.append)
-    teleop.keys.put(String(data='i'))
+    teleop.keys.hear(String(data='i'))
     assert type(sent[0]) is Twist
 
 

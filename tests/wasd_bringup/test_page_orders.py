@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page asks of a run: sticks by keys that all hear of, the keys' names, a hand's push."""
 
-from geometry_msgs.msg import Twist
 import mujoco
 import numpy as np
 import pytest
@@ -215,27 +214,18 @@ def test_the_emergency_stop_ends_a_script(run_of):
 def test_after_an_emergency_stop_others_are_refused_until_they_were_silent_or_send_a_zero(run_of):
     run = run_of('mbot', 'mbot')
     robot, simulation = run.session.robot, run.session.simulation
-    admit, words = (
-        run.session.face.faces[0].controller.node.cmd_vel.admit,
-        REFUSED.format('/cmd_vel'),
-    )
+    follow = run.session.face.faces[0].controller.node.cmd_vel.on_velocity
+    admit, words = lambda velocity: follow(velocity, 0.0), REFUSED.format('/cmd_vel')
     silent = round((SILENCE + 0.1) / run.session.world.time_step)
-    for lets_go in (lambda: admit(twist(0.0)), lambda: simulation.advance(silent)):
-        assert admit(twist(0.2))
+    for lets_go in (lambda: admit((0.0, 0.0, 0.0)), lambda: simulation.advance(silent)):
+        assert admit((0.2, 0.0, 0.0))
         run.order('e-stop')
         for _ in range(40):
-            assert not admit(twist(0.2))
+            assert not admit((0.2, 0.0, 0.0))
             assert robot.notice.text == words
             simulation.advance(50)
         lets_go()
-        assert admit(twist(0.2))
-
-
-def twist(linear):
-    """Return a message of somebody else."""
-    message = Twist()
-    message.linear.x = linear
-    return message
+        assert admit((0.2, 0.0, 0.0))
 
 
 def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_of, tmp_path):

@@ -49,5 +49,5 @@ def test_what_two_subscriptions_take_from_outside_is_heard_once(heard: Any, spaw
     node = spawn(Node('robot'))
     subscriptions = [LoopbackSubscription(node, String, 'keys', lambda _: None) for _ in range(2)]
     for subscription in subscriptions:
-        subscription.notify(String(data='w'))
+        subscription.hear(String(data='w'))
     assert heard == [('/keys', 'std_msgs/msg/String', 'w')]

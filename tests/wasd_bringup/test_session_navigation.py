@@ -112,7 +112,7 @@ def test_the_stick_of_the_page_takes_over(driving, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_a_velocity_of_another_process_takes_over(driving):
-    cmd_vel = driving.face.faces[0].controller.node.cmd_vel._subscription
+    cmd_vel = driving.face.faces[0].controller.node.cmd_vel
     message = Twist()
     message.linear.x = -0.1
     cmd_vel._on_message(message, {'source_timestamp': 0})

@@ -47,24 +47,35 @@ def test_a_key_passes_eight_files_to_the_stick():
     run.close()
 
 
-def test_a_velocity_passes_nine_files_to_wheels_and_odometry_and_four_more_from_ros(ros):
+def test_a_velocity_on_cmd_vel_passes_nine_files_to_wheels_and_odometry(ros):
     run = make_ros_run(RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0))
-    own = named('Files of a velocity that a program gives mbot: ')
-    assert len(own) == 9
-
-    def drive():
-        run.robot.drive((0.3, 0.0, 0.0), 'program')
-        run.simulation.advance(20)
-
-    assert own <= entered(drive)
-    of_ros = named('One on `cmd_vel` also passes ')
-    assert len(of_ros) == 4
-    subscription = run.face.faces[0].controller.node.cmd_vel._subscription
-    told = Twist()
-    told.linear.x = 0.2
+    files = named('Files of a velocity on `cmd_vel` to the wheels of mbot: ')
+    assert len(files) == 9
+    message = Twist()
+    message.linear.x = 0.3
+    cmd_vel = run.face.faces[0].controller.node.cmd_vel
     sent = {'source_timestamp': time.time_ns()}
-    assert of_ros <= entered(lambda: subscription._on_message(told, sent))
+    heard = entered(lambda: cmd_vel._on_message(message, sent))
+    assert not heard & {'messages.py', 'controllers.py'}
+    assert files <= heard | entered(lambda: run.simulation.advance(20))
+    assert run.robot.drive_unit.controller.target.linear == 0.3
     run.close()
+
+
+def test_a_largest_velocity_passes_eight_files_to_the_ramp(tmp_path):
+    files = named("Files of a `max_velocity` of mbot's controller file to the ramp: ")
+    assert len(files) == 7  # two are called parameters.py
+    path = tmp_path / 'drive.yaml'
+    path.write_text('linear.x.max_velocity: 0.123')
+
+    def limit():
+        run = Run(
+            RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0, controller=path)
+        )
+        assert run.robot.drive_unit.controller._ramp.linear.limits.forward == 0.123
+        run.close()
+
+    assert files <= entered(limit)
 
 
 def test_a_scan_passes_eleven_files_to_the_map_and_the_page():

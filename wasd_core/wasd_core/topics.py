@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Additions to rclpy's topics: quality of service, subscribers, lost publishers.
+Additions to rclpy's topics: quality of service, subscribers, lost publishers, echoes.
 
 Publishers offer the most, subscribers ask for the least. So every ROS tool gets every topic
 whatever it asks for, and a sensor's consumer never waits for a lost message. That is REP 2003 for
@@ -15,8 +15,11 @@ import os
 import time
 from typing import Any, ClassVar, Generic, TypeVar
 
-from geometry_msgs.msg import TransformStamped
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
+import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rclpy.serialization import serialize_message
@@ -179,7 +182,6 @@ class LoopbackSubscription(Generic[Message]):
     What drives a robot in this process calls it directly, in the same simulated instant, so that
     runs repeat; the message is also published for everybody else, and the middleware brings it
     back to our own subscription. `expect` remembers such a message; its echo is then dropped.
-    `put` hands a message over, too.
 
     Echo and message are matched by their bytes, which are equal also where NaN is in them. An
     equal message from outside that overtakes an echo is dropped in its place, and the echo
@@ -188,7 +190,8 @@ class LoopbackSubscription(Generic[Message]):
     the node that time stands still: echoes are waiting, too.
 
     `is_stale` is asked about each message from another process, with the system time [ns] at
-    which it was sent; what it calls stale is dropped, and so is what `admit` refuses.
+    which it was sent; what it calls stale is dropped, and so is what `admit` refuses. `hear`
+    takes all others.
     """
 
     # Told of every message that came from another process, and of the subscription that took it.
@@ -206,7 +209,7 @@ class LoopbackSubscription(Generic[Message]):
         self._callback = callback
         self._is_stale = is_stale
         self.admit: Callable[[Message], bool] = lambda message: True
-        # Of each message whose echo has not come when it was put, once for each time [s].
+        # Of each message whose echo has not come when it was published, once for each time [s].
         self._pending: dict[bytes, deque[float]] = {}
         # rclpy passes a message's origin to a callback of two parameters; its types do not say so.
         on_message: Any = self._on_message
@@ -233,22 +236,16 @@ class LoopbackSubscription(Generic[Message]):
         times = self._pending.setdefault(serialize_message(message), deque(maxlen=EVENTS_DEPTH))
         times.append(time.monotonic())
 
-    def put(self, message: Message) -> None:
-        """Hand over a message that this process is publishing, too."""
-        self.expect(message)
-        self._callback(message)
-
-    def notify(self, message: Any) -> None:
-        """Tell the observers of a message that came from another process."""
-        for tell in self.observers:
-            tell(self, message)
+    def hear(self, message: Message) -> None:
+        """Take a message that is no echo, if it counts, and tell the observers."""
+        if self.admit(message):
+            for tell in self.observers:
+                tell(self, message)
+            self._callback(message)
 
     def _on_message(self, message: Message, info: dict[str, int]) -> None:
-        if self._is_echo(message) or self._is_stale(info['source_timestamp']):
-            return
-        if self.admit(message):
-            self.notify(message)
-            self._callback(message)
+        if not self._is_echo(message) and not self._is_stale(info['source_timestamp']):
+            self.hear(message)
 
     def _is_echo(self, message: Message) -> bool:
         if not self._pending:
@@ -271,3 +268,100 @@ class LoopbackSubscription(Generic[Message]):
             if not times:
                 del self._pending[sent]
         self._looked_at = time.monotonic()
+
+
+VELOCITY_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
+# How often publishers of the other type are looked for, and their messages taken [s, wall time].
+TYPES_PERIOD = 0.5
+TAKE_PERIOD = 0.005
+
+
+class VelocitySubscription(LoopbackSubscription[Any]):
+    """
+    Velocities of other processes on cmd_vel.
+
+    `on_velocity` is told (vx, vy, wz) [m/s], [m/s], [rad/s] and the age [s], and says whether they
+    count. `age_of` gives the age of a stamp, None for a message to be dropped.
+
+    A DDS participant knows one type per topic. With `stamped` `auto` this one listens for Twist;
+    once somebody publishes TwistStamped, a second participant listens for that.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        on_velocity: Callable[[tuple[float, float, float], float], bool],
+        is_stale: Callable[[int], bool] = lambda sent: False,
+        stamped: str = 'false',
+        age_of: Callable[[Time], float | None] = lambda stamp: 0.0,
+    ) -> None:
+        self.on_velocity, self._age_of = on_velocity, age_of
+        self._node, self._type = node, TwistStamped if stamped == 'true' else Twist
+        super().__init__(node, self._type, 'cmd_vel', lambda message: None, RELIABLE, is_stale)
+        self.admit = self._deliver  # who admits a velocity takes it
+        self._other: _OtherParticipant | None = None
+        if stamped == 'auto':
+            self._wall = Clock(clock_type=ClockType.STEADY_TIME)
+            self._types_timer = node.create_timer(TYPES_PERIOD, self._look, clock=self._wall)
+
+    def close(self) -> None:
+        """Leave the second participant."""
+        if self._other is not None:
+            self._other.close()
+
+    def _deliver(self, message: Any) -> bool:
+        twist: Twist = message
+        age: float | None = 0.0
+        if isinstance(message, TwistStamped):
+            twist, age = message.twist, self._age_of(message.header.stamp)
+        velocity = twist.linear.x, twist.linear.y, twist.angular.z
+        return age is not None and self.on_velocity(velocity, age)
+
+    def _look(self) -> None:
+        """Listen for the other type as soon as somebody publishes it."""
+        for info in self._node.get_publishers_info_by_topic(self.topic):
+            kind = VELOCITY_TYPES.get(info.topic_type, self._type)
+            if kind is not self._type:
+                self._other = _OtherParticipant(self._node, kind, self.topic)
+                self._node.destroy_timer(self._types_timer)
+                self._types_timer = self._node.create_timer(
+                    TAKE_PERIOD, self._take, clock=self._wall
+                )
+                return
+
+    def _take(self) -> None:
+        assert self._other is not None
+        for message, sent in self._other.take():
+            if not self._is_stale(sent):
+                self.hear(message)
+
+
+class _OtherParticipant:
+    """A subscription in a context of its own, asked for its messages."""
+
+    def __init__(self, node: Node, message_type: type, topic: str) -> None:
+        self._type = message_type
+        self._context = Context()
+        self._context.init(args=[], domain_id=node.context.get_domain_id())
+        self._node = rclpy.create_node(
+            f'{node.get_name()}_stamped_input',
+            namespace=node.get_namespace(),
+            context=self._context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._subscription = self._node.create_subscription(
+            message_type, topic, lambda message: None, RELIABLE
+        )
+
+    def take(self) -> list[tuple[Any, int]]:
+        """Return the messages that have arrived, and when they were sent [ns of system time]."""
+        found = []
+        while (taken := self._subscription.handle.take_message(self._type, False)) is not None:
+            found.append((taken[0], taken[1]['source_timestamp']))
+        return found
+
+    def close(self) -> None:
+        self._node.destroy_node()
+        self._context.try_shutdown()

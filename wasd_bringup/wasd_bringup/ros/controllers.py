@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.messages import to_stamp
-from wasd_core.topics import EVENTS, LATCHED, LoopbackSubscription, RELIABLE
+from wasd_core.topics import EVENTS, LATCHED, LoopbackSubscription, RELIABLE, VelocitySubscription
 
 from wasd_bringup.run.mbot import Mbot
 from wasd_bringup.run.robot import FullVelocity, Robot
@@ -59,20 +59,16 @@ class ControllerFace:
         return topic
 
     def admit(self) -> None:
-        """Ask the robot whether a key or a velocity of another process counts."""
+        """Ask the robot whether a key of another process counts, and give it the velocities."""
         robot = self.robot
 
         def admit_key(topic: str, message: String) -> bool:
             is_e_stop = robot.heeds_e_stop(message.data, f'topic {topic}')
             return not is_e_stop and robot.take_topic(topic, key=message.data)
 
-        def admit_velocity(twist: Twist) -> bool:
-            velocity = twist.linear.x, twist.linear.y, twist.angular.z
-            return robot.take_topic(self.command_topic, velocity=velocity)
-
         for subscription in self.key_inputs:
             subscription.admit = functools.partial(admit_key, subscription.topic)
-        self.node.cmd_vel.admit = admit_velocity
+        self.node.cmd_vel.on_velocity = functools.partial(robot.follow, self.command_topic)
 
     def expect_key(self, key: str) -> None:
         """Drop the echo of a key that is being published."""
@@ -107,11 +103,7 @@ class ControllerFace:
 def _plain_node(robot: Robot) -> Any:
     """Return a node that takes cmd_vel for a robot whose controller has none."""
     node: Any = Node(robot.kind.controller, namespace=robot.options.namespace)
-
-    def on_twist(twist: Twist) -> None:
-        robot.command((twist.linear.x, twist.linear.y, twist.angular.z))
-
-    node.cmd_vel = LoopbackSubscription(node, Twist, 'cmd_vel', on_twist)
+    node.cmd_vel = VelocitySubscription(node, functools.partial(robot.follow, 'cmd_vel'))
     return node
 
 

@@ -238,8 +238,8 @@ class Go2(Robot):
             if controller.has_policy or state is not StateName.POLICY
         )
 
-    def command(self, velocity: Velocity) -> None:
-        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
+    def command(self, velocity: Velocity, age: float = 0.0) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s] of any source."""
         self.legs.command(*velocity)
 
     def control(self) -> None:

@@ -99,8 +99,8 @@ class Legged(Robot):
         ]
         return (*states, StateChoice(HOIST_KEY, HOIST, self.hoist.is_on, ''))
 
-    def command(self, velocity: Velocity) -> None:
-        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
+    def command(self, velocity: Velocity, age: float = 0.0) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s] of any source."""
         refused = self.controller.command(velocity)
         # Once: velocities come twenty times a second, and keys are to have their say, too.
         if refused and refused != self._refused:

@@ -4,9 +4,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from diff_drive_sim.controller import DiffDriveController
-from diff_drive_sim.controller import Velocity as DriveVelocity
-from diff_drive_sim.drive import DiffDrive
+from diff_drive_sim.drive import DiffDrive, DiffDriveController
+from diff_drive_sim.limits import Velocity as DriveVelocity
 from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.simulation import Simulation
@@ -177,10 +176,10 @@ class Mbot(Robot):
         """The frames of odometry and of the base."""
         return self.settings.odom_frame_id, self.settings.base_frame_id
 
-    def command(self, velocity: Velocity) -> None:
-        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
+    def command(self, velocity: Velocity, age: float = 0.0) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s] of any source, `age` [s] old."""
         linear, lateral, angular = velocity
-        if not self.drive_unit.controller.command(linear, angular):
+        if not self.drive_unit.controller.command(linear, angular, age):
             self.say(f'velocity {linear:g} {lateral:g} {angular:g} is not finite: ignored')
 
     def control(self) -> None:

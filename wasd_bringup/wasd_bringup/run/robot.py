@@ -274,6 +274,13 @@ class Robot(ABC):
         self.say_if_stopped()
         return False
 
+    def follow(self, topic: str, velocity: Velocity, age: float = 0.0) -> bool:
+        """Command what came on a topic `age` [s] after it was sent; False: it is refused."""
+        counts = self.take_topic(topic, velocity=velocity)
+        if counts:
+            self.command(velocity, age)
+        return counts
+
     def mute(self, is_mute: bool) -> None:
         """Mute the keyboard while another source drives, or enable it again."""
         if is_mute and not self._is_mute and self.logic is not None:
@@ -353,8 +360,8 @@ class Robot(ABC):
         self.sensors.close()
 
     @abstractmethod
-    def command(self, velocity: Velocity) -> None:
-        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
+    def command(self, velocity: Velocity, age: float = 0.0) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s] of any source, `age` [s] old."""
 
     @abstractmethod
     def control(self) -> None:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-from diff_drive_sim.controller import judge_stamp
 import pytest
+from wasd_core.timing import judge_stamp
 
 
 def test_a_stamp_of_zero_is_none_and_said():
