@@ -552,17 +552,6 @@ class World:
             self._link_numbers[links] = of_geoms
         return self._link_numbers[links]
 
-    def touched(self) -> set[str]:
-        """
-        Return the geoms that are no part of this robot and touch it, `floor` among them.
-
-        They belong to the beginning of the last physics step, as contacts are found then.
-        """
-        root = self.model.body_rootid[self.model.geom_bodyid[self.data.contact.geom]]
-        pairs = zip(self.data.contact.geom, root == self.root, strict=True)
-        others = [pair[~own] for pair, own in pairs if own.sum() == 1]
-        return {self.model.geom(int(geom)).name for (geom,) in others}
-
     def _strength_of_joints(self) -> np.ndarray:
         strength = self.setup.drawn.strength
         return np.array([strength.get(name, 1.0) for name in self.joint_names])

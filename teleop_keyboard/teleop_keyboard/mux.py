@@ -137,10 +137,6 @@ class Mux:
         due, self._zero_is_due = self._zero_is_due, False
         return due
 
-    def closed_locks(self, now: float) -> list[str]:
-        """Return the names of the locks that are closed."""
-        return [lock.name for lock in self._locks.values() if self._is_closed(lock, now)]
-
     def _advance(self, now: float) -> None:
         if now < self._now:
             self._heard.clear()

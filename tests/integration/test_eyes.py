@@ -134,7 +134,7 @@ def test_after_a_reset_it_sees_where_it_is_and_not_where_it_was():
     assert np.isfinite(mapper.elevation.heights()).any()
     dog.reset()
     assert not np.isfinite(mapper.elevation.heights()).any()
-    assert not dog._robot.legs.controller.locomotion.sight.knows
+    assert dog._robot.legs.controller.locomotion.sight._state.share[0] == 0.0
 
 
 @pytest.mark.slow

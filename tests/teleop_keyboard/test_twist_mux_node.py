@@ -101,7 +101,7 @@ def test_an_e_stop_stops_within_a_cycle_and_holds(mux, peer_of, run_until):
     peer = peer_of()
     keyboard, e_stop = peer.publisher(Twist, 'key_vel'), peer.publisher(Bool, 'e_stop')
     run_until(lambda: 0.1 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.1)))
-    run_until(lambda: mux.mux.closed_locks(0.0), peer, lambda: e_stop.publish(Bool(data=True)))
+    run_until(lambda: mux.mux._closed.get('e_stop'), peer, lambda: e_stop.publish(Bool(data=True)))
     run_until(lambda: peer.speeds()[-1] == 0.0, peer)
     count = len(peer.out)
     sent = []

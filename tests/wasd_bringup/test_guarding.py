@@ -144,13 +144,13 @@ def test_a_robot_without_a_lidar_cannot_be_guarded():
 @pytest.mark.parametrize('robot', ['mbot', 'go2'])
 def test_a_way_has_as_much_room_as_the_guard_keeps(begin, robot):
     guarded = begin(robot, guard=False)
-    kept = RobotGuard(guarded.robot).unit.padding
+    kept = RobotGuard(guarded.robot).unit._parameters.footprint_padding
     settings = NavigatorParameters().changed(_settings(guarded.robot))
     assert HARD * settings.planning.margin >= kept - 1e-9
 
 
 def test_noise_of_the_lidar_does_not_let_the_guard_stop_mbot_on_its_way(begin):
     guarded = begin('mbot')
-    kept = guarded.run.guards[0].unit.padding + NOISE
+    kept = guarded.run.guards[0].unit._parameters.footprint_padding + NOISE
     settings = NavigatorParameters().changed(_settings(guarded.robot))
     assert HARD * settings.planning.margin == pytest.approx(kept)

@@ -3,6 +3,7 @@
 
 import json
 
+from contacts import touched
 import numpy as np
 import pytest
 from unitree_bridge.cdr import decode
@@ -169,12 +170,12 @@ def test_programs_switch_the_guard_that_stops_before_a_wall():
         assert run.call(1001, 'obstacles_avoid', enable=is_guarded) == 0
         run.call(STAND_UP)
         run.run(2.0)
-        touched = set()
+        met = set()
         for _ in range(55):
             run.call(MOVE, x=0.8, y=0.0, z=0.0)
             run.run(0.098)
-            touched |= run.robot.world.touched()
-        return run, touched - {'floor'}
+            met |= touched(run.robot.world)
+        return run, met - {'floor'}
 
     guarded, nothing = walk(True)
     assert not nothing
@@ -189,7 +190,7 @@ def test_a_guard_that_programs_switch_keeps_as_much_room_as_any_guard_of_a_go2()
     guard = run.driver._guard
     for is_on in (True, False, True):
         assert run.call(1001, 'obstacles_avoid', enable=is_on) == 0
-        assert guard.unit.padding == SWAY
+        assert guard.unit._parameters.footprint_padding == SWAY
 
 
 def test_without_a_lidar_no_guard_is_switched(run):

@@ -99,11 +99,6 @@ class Bridge:
             Leases(LEASED, lambda: self._robot.time),
         ]
 
-    @property
-    def drives(self) -> bool:
-        """Whether a program moves the robot now."""
-        return self.low.is_live or self.motion.is_moving
-
     def may_advance(self) -> bool:
         """Return whether time may go on; where it may not, tell of this instant and wait a bit."""
         if not self._is_synced:

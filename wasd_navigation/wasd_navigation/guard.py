@@ -115,11 +115,6 @@ class Guard:
         """What is known to be around, shape (n, 2) [m], in the odom frame."""
         return self._points
 
-    @property
-    def padding(self) -> float:
-        """The room that it keeps around the robot, outside gaps [m]."""
-        return self._parameters.footprint_padding
-
     def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
         """Take a scan and the odometry of its time, which is `age` [s] ago."""
         pose = odometry.pose

@@ -131,11 +131,6 @@ class Sight:
         state.first[:] = self.terrain.write_window(state.window, position)
 
     @property
-    def knows(self) -> bool:
-        """Whether the base follows what is seen."""
-        return bool(self._state.share[0] > 0.0)
-
-    @property
     def is_broken(self) -> bool:
         """Whether the ground around is seen to have steps, or holes."""
         return bool(self._state.off[0] > _BROKEN)

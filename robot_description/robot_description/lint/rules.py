@@ -150,14 +150,6 @@ RULES = {
 # fmt: on
 
 
-def rules_table() -> str:
-    """Return all rules as a table in Markdown, errors first."""
-    order = list(Severity)
-    rules = sorted(RULES.values(), key=lambda rule: order.index(rule.severity))
-    rows = [f'| `{r.code}` | {r.severity} | {r.meaning} | {r.cure} |' for r in rules]
-    return '\n'.join(['| code | severity | what it means | cure |', '|---|---|---|---|', *rows])
-
-
 class Finding(NamedTuple):
     """A rule that a description breaks, the line, and in particular what and how to cure it."""
 

@@ -82,7 +82,7 @@ def measure_leg(
     Raises:
         NotALeg: it is no chain of three motors that roll, pitch and pitch, or has no foot.
     """
-    _check_chain(robot, groups, limb)
+    _check_chain(robot, limb)
     hip, thigh, calf = limb
     axes = [poses[joint.child].rotation @ joint.axis for joint in limb]
     left = _check_axes(limb, axes)
@@ -122,14 +122,14 @@ def measure_leg(
     )
 
 
-def _check_chain(robot: Robot, groups: dict[str, tuple[str, ...]], limb: list[Joint]) -> None:
+def _check_chain(robot: Robot, limb: list[Joint]) -> None:
     """
     Check that a limb is a chain of three turning joints of which each is moved by itself.
 
     Raises:
         NotALeg: it is none.
     """
-    if has_wheel(robot, groups, limb):
+    if has_wheel(robot, limb):
         raise NotALeg(f'a wheel at its end, {limb[-1].name}')
     is_linkage = sum(not joint.mimics for joint in limb) <= LEG_JOINTS
     for joint in limb:
@@ -145,7 +145,7 @@ def _check_chain(robot: Robot, groups: dict[str, tuple[str, ...]], limb: list[Jo
         raise NotALeg(f'it branches below {limb[0].name}: a linkage')
 
 
-def has_wheel(robot: Robot, groups: dict[str, tuple[str, ...]], limb: list[Joint]) -> bool:
+def has_wheel(robot: Robot, limb: list[Joint]) -> bool:
     """Whether the last joint of a limb turns a wheel: without end, and round about its axis."""
     joint = limb[-1]
     if len(limb) < 2 or math.isfinite(joint.upper) or joint.kind == 'prismatic':

@@ -128,7 +128,7 @@ def find_quadruped(robot: Robot) -> Quadruped:
         legs = [leg for leg in legs if any(_is_mirrored(leg, other) for other in legs)]
     if len(legs) != 4:
         called = _call(robot, groups, limbs)
-        rolling = [limb for limb in limbs if has_wheel(robot, groups, limb)]
+        rolling = [limb for limb in limbs if has_wheel(robot, limb)]
         found = f'{called}found {_describe(limbs, why, rolling, robot.base)}'
         raise NotAQuadruped(f'{WANTED}; {found}', why)
     used = {leg.joints[0].name for leg in legs}
@@ -158,7 +158,7 @@ def _held(robot: Robot, joints: list[Joint]) -> dict[str, float]:
 
 def _call(robot: Robot, groups: dict[str, tuple[str, ...]], limbs: list[list[Joint]]) -> str:
     """Return what a robot is that has legs, but others: `six legs: `; '' for anything else."""
-    rolling = [limb[-1].name for limb in limbs if has_wheel(robot, groups, limb)]
+    rolling = [limb[-1].name for limb in limbs if has_wheel(robot, limb)]
     if rolling:
         return f'a robot with wheels at its feet ({", ".join(rolling)}) is none: '
     for limb in limbs:
