@@ -113,7 +113,7 @@ class LegController:
         self._states = make_states(self._parts, self._passive)
         self.has_policy = walker is not None
         if walker is not None:
-            self._states[StateName.POLICY] = Policy(self._parts, walker)
+            self._policy = self._states[StateName.POLICY] = Policy(self._parts, walker)
         self._robot, self._geometry = RobotState.blank(), plain(model.geometry)
         # As bytes: NumPy copies a record field by field, which takes 7 us.
         self._robot_bytes = self._robot.flat.view(np.uint8)
@@ -337,6 +337,13 @@ class LegController:
     def e_stop(self, reason: str = 'emergency stop') -> None:
         """Go passive at once."""
         self._let_go(reason)
+
+    def is_due(self, dt: float) -> bool:
+        """Whether to `step`, `dt` [s] after the last time; motors hold the last command else."""
+        machine = self._machine
+        if machine.state is not StateName.POLICY or machine.coming is not StateName.POLICY:
+            return True
+        return self._entered is not StateName.POLICY or self._policy.is_due(dt)
 
     def step(self, reading: Reading, dt: float, truth: BaseState | None = None) -> JointCommand:
         """Joint command for this reading of leg angles, `dt` [s] after the one before."""

@@ -188,3 +188,41 @@ def test_any_joint_order_stands_alike(tmp_path, standing):
         heights.append(dog._robot.world.joints().position)
     np.testing.assert_array_equal(*heights)
     assert dataclasses.is_dataclass(player(dog).spec)
+
+
+@pytest.mark.slow
+def test_between_steps_of_the_network_motors_hold_and_one_looks_every_10_ms(dog):
+    dog.press('p')
+    dog.run(SETTLE_TIME + 0.5)
+    controller, applied, seen = dog._robot.legs.controller, [], []
+    step, apply = controller.step, dog._robot.world.apply
+    controller.step = lambda reading, dt, truth: (
+        seen.append((dog.time, dt)) or step(reading, dt, truth)
+    )
+    dog._robot.world.apply = lambda command: applied.append(command) or apply(command)
+    dog.run(0.2)
+    times, steps = (np.array(part) for part in zip(*seen, strict=True))
+    np.testing.assert_allclose(np.diff(times), steps[1:], atol=1e-9)
+    assert steps.max() < 0.01 + 1e-9
+    assert len(seen) < 25  # of 100 instants of control
+    assert len(applied) == len(seen)
+    seen.clear()
+    dog.press('2')
+    dog.run(0.1)
+    np.testing.assert_allclose([dt for _, dt in seen[1:]], 0.002, atol=1e-9)
+    assert dog.state == 'fixed stand'
+
+
+@pytest.mark.slow
+def test_an_e_stop_between_two_looks_makes_the_motors_limp_in_the_next_instant(dog):
+    dog.press('p')
+    dog.run(SETTLE_TIME + 0.5)
+    for _ in range(5):  # at each place between two looks
+        dog.run(0.002)
+        controller = dog._robot.legs.controller
+        if not controller.is_due(0.002):
+            break
+    dog._robot.e_stop('page')
+    assert controller.is_due(0.002)
+    dog.run(0.002)
+    assert not controller._command.kp.any()

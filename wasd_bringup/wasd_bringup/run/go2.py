@@ -82,6 +82,7 @@ class Go2(Robot):
         self.notice = self.legs.notice
         self._trunk = TrunkWatch()
         self.outside: Outside | None = None
+        self._waited = 0.0  # since the last step of control [s]
         self.elevation = RobotElevation(self)
         mapper = self.elevation.mapper
         if options.eyes and mapper is None:
@@ -244,7 +245,7 @@ class Go2(Robot):
 
     def control(self) -> None:
         """Step the controller on the present state, and give its command to the world."""
-        world, dt = self.world, self.period
+        world, dt, self._waited = self.world, self._waited, 0.0
         truth = world.base_since_start() if self.options.estimator == 'truth' else None
         if self.outside is not None:
             self.outside.step(dt)
@@ -253,6 +254,11 @@ class Go2(Robot):
         world.apply(own if theirs is None else theirs)
         self.elevation.step()
 
+    def _timed_control(self) -> None:
+        self._waited += self.period
+        if self.outside is not None or self.legs.controller.is_due(self._waited):
+            super()._timed_control()
+
     def stop(self) -> None:
         """Command standstill, now and in the last message on cmd_vel, until the next key."""
         self.legs.controller.sticks.zero()
@@ -260,7 +266,7 @@ class Go2(Robot):
 
     def reset(self) -> None:
         """Forget the past: state, estimate, commands."""
-        self._trunk = TrunkWatch()
+        self._trunk, self._waited = TrunkWatch(), 0.0
         self.legs.reset()
         super().reset()
 
