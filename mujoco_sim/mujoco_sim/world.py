@@ -39,6 +39,7 @@ STABLE_SHARE = 0.5
 _DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 # How these begin; `Physics.step` says it in words of its own.
 _UNSTABLE = 'Nan, Inf or huge value'
+_NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 
 
 class Push(NamedTuple):
@@ -277,7 +278,7 @@ class Physics:
             self.model = spec.compile()
         except ValueError as error:
             raise SimulationError(f'MuJoCo: {one_line(error)}') from None
-        self.data = mujoco.MjData(self.model)
+        self.data, self._options = mujoco.MjData(self.model), self.model.opt
         self._divergences = self.data.warning.number[_DIVERGED]
         self.boxes = MovingBoxes(self.model, self.data)
         self.time_step = float(self.model.opt.timestep)
@@ -321,13 +322,20 @@ class Physics:
             return
         model, data, step = self.model, self.data, mujoco.mj_step
         follow = [after for robot in self.robots if (after := robot.begin_steps()) is not None]
-        if not follow:
-            step(model, data, count)
-            return
-        for _ in range(count):
-            step(model, data)
-            for act in follow:
-                act()
+        flags = self._options.disableflags
+        if count > 1:  # sensors are read after the last step alone
+            self._options.disableflags = flags | _NO_SENSORS
+            if follow:
+                for _ in range(count - 1):
+                    step(model, data)
+                    for act in follow:
+                        act()
+            else:
+                step(model, data, count - 1)
+            self._options.disableflags = flags
+        step(model, data)
+        for act in follow:
+            act()
 
 
 class World:
@@ -451,11 +459,15 @@ class World:
     def joints(self) -> JointStates:
         """Return the joints without noise; the efforts are those in the last physics step."""
         views, parts = self._views, self.parts
-        effort = np.zeros(len(self.joint_names))
-        effort[parts.motor_joint] = views.effort
         return JointStates(
-            views.qpos.take(parts.position), views.qvel.take(parts.velocity), effort
+            views.qpos.take(parts.position), views.qvel.take(parts.velocity), self.effort()
         )
+
+    def effort(self) -> np.ndarray:
+        """Return the joints' efforts in the last physics step [N m], shape (n,)."""
+        effort = np.zeros(len(self.joint_names))
+        effort[self.parts.motor_joint] = self._views.effort
+        return effort
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""

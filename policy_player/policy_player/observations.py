@@ -29,6 +29,9 @@ class Observer:
         self._scale, self._low, self._high = _scaling(spec)
         self._depth = 1 + max(age for term in spec.terms for age in term.ages)
         self._order = _order(spec)
+        self._names = [term.name for term in spec.terms]
+        is_in_order = np.array_equal(self._order, np.arange(len(self._scale)))
+        self._is_plain = self._depth == 1 and is_in_order
         self.reset()
 
     def reset(self) -> None:
@@ -49,8 +52,6 @@ class Observer:
         `heights` (187,) are those of a height scan [m], where one is shown.
         """
         spec = self.spec
-        turn = 2.0 * math.pi * self._steps * spec.period / (spec.phase_period or 1.0)
-        self._steps += 1
         known = {
             'linear_velocity': senses.linear_velocity,
             'angular_velocity': senses.angular_velocity,
@@ -58,14 +59,19 @@ class Observer:
             'command': command,
             'joint_position': senses.joint_position - self._default,
             'joint_velocity': senses.joint_velocity,
-            'phase': (math.sin(turn), math.cos(turn)),
             'last_action': last_action,
         }
+        if spec.phase_period:
+            turn = 2.0 * math.pi * self._steps * spec.period / spec.phase_period
+            known['phase'] = np.array((math.sin(turn), math.cos(turn)))
+        self._steps += 1
         if heights is not None:
             known['height_scan'] = heights
             known['height_scan_by_row'] = heights.reshape(SCAN_ROWS, -1).T.ravel()
-        told = self._scale * np.concatenate([known[term.name] for term in spec.terms])
+        told = self._scale * np.concatenate([known[name] for name in self._names])
         now = np.minimum(np.maximum(told, self._low), self._high)
+        if self._is_plain:  # for a network without memory that is all
+            return np.asarray(now, np.float32)
         if self._past is None:
             first = np.zeros_like(now) if spec.begins_with_zeros else now
             self._past = np.tile(first, (self._depth, 1))

@@ -63,6 +63,8 @@ START_HEIGHT, LOW = 0.29, 0.14
 LONGEST = 1000
 # How sharply the reward falls with an error of velocity [m^2/s^2], and its other weights.
 SHARPNESS, EFFORT, JERK, TILT = 0.25, 2e-5, 0.02, 0.5
+# What its terms do not show.
+STILL = np.zeros(3)
 # Pictures [pixels]: the robot from so far away [m], from ahead on its right and above.
 SIZE, DISTANCE, VIEW = (640, 480), 1.8, rpy_matrix(0.0, math.radians(20.0), math.radians(130.0))
 FRUSTUM = Frustum(math.radians(58.0), *SIZE, 0.05, 100.0)
@@ -136,13 +138,13 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         """Hold joint targets for 20 ms."""
         before = self._action
         self._action = np.minimum(np.maximum(np.asarray(action, float), -1.0), 1.0)
-        target = np.array(DEFAULT) + np.array(SPEC.action_scale) * self._action
-        parts = (target, self._zeros, self._zeros, self._kp, self._kd)
-        self._world.apply(JointCommand(*(part[self._motors] for part in parts)))
+        position = (self._default + self._scale * self._action)[self._motors]
+        self._world.apply(JointCommand(position, *self._others))
         self._world.step(self._steps)
         truth = self._world.base()
-        has_fallen = truth.tilt > FALL_TILT or self._height(truth) < LOW
-        reward = self._reward(truth, self._action - before)
+        tilt = truth.tilt
+        has_fallen = tilt > FALL_TILT or self._height(truth) < LOW
+        reward = self._reward(truth, tilt, self._action - before)
         info = {'truth': truth, 'command': self._command.copy()}
         return self._observe(), reward, bool(has_fallen), False, info
 
@@ -174,16 +176,20 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         joints = list(SPEC.joints)
         self._joints = np.array([world.joint_names.index(name) for name in joints])
         self._motors = np.array([joints.index(name) for name in world.motor_names])
-        self._own = np.flatnonzero(world.model.body_rootid == world.root)
+        own = np.flatnonzero(world.model.body_rootid == world.root)
+        # A view on MuJoCo's own memory: a robot's bodies are one after the other in it.
+        self._heights_of_bodies = world.data.xpos[own[0] : own[-1] + 1, 2]
         self._steps = round(SPEC.period / world.time_step)
-        self._zeros = np.zeros(12)
-        self._kp, self._kd = np.array(SPEC.stiffness), np.array(SPEC.damping)
+        self._default, self._scale = np.array(DEFAULT), np.array(SPEC.action_scale)
+        gains = np.array((SPEC.stiffness, SPEC.damping))[:, self._motors]
+        # Velocity, effort, kp and kd of each command.
+        self._others = (*np.zeros((2, 12)), *gains)
 
     def _observe(self) -> np.ndarray:
         joints, imu = self._world.read()
         assert imu is not None  # a Go2 has one
         position, velocity = (part[self._joints] for part in joints[:2])
-        senses = Senses(imu.orientation, imu.angular_velocity, self._zeros[:3], position, velocity)
+        senses = Senses(imu.orientation, imu.angular_velocity, STILL, position, velocity)
         return self._observer.step(senses, self._command, self._action, self._heights())
 
     def _heights(self) -> np.ndarray | None:
@@ -197,14 +203,16 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def _height(self, truth: BaseState) -> float:
         """Return the height of the base over the lowest foot [m], about."""
-        return float(truth.position[2] - self._world.data.xpos[self._own, 2].min())
+        # Faster in plain numbers than by numpy.
+        lowest: float = min(self._heights_of_bodies.tolist())
+        return float(truth.position[2]) - lowest
 
-    def _reward(self, truth: BaseState, change: np.ndarray) -> float:
+    def _reward(self, truth: BaseState, tilt: float, change: np.ndarray) -> float:
         off = truth.planar_velocity - self._command
         follows = math.exp(-float(off @ off) / SHARPNESS)
-        effort = self._world.joints().effort
+        effort = self._world.effort()
         return float(
-            follows - EFFORT * (effort @ effort) - JERK * (change @ change) - TILT * truth.tilt**2
+            follows - EFFORT * (effort @ effort) - JERK * (change @ change) - TILT * tilt**2
         )
 
 
