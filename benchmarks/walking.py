@@ -28,7 +28,7 @@ from robot_description.robot import Joint
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.run.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
 from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD, TrunkWatch
-from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+from wasd_core.rotations import yaw_of
 
 CONTROL = 0.002  # period of the leg controller [s]
 DRIVEN = ('trotting', 'move base')
@@ -121,7 +121,7 @@ class Walk:
         state, odometry = controller.state, controller.odometry
         assert odometry is not None
         x, y, z = map(float, odometry.position)
-        yaw = float(rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2])
+        yaw = yaw_of(odometry.orientation)
         command = (0.0, 0.0, 0.0)
         if state in DRIVEN:
             command = tuple(map(float, controller.command_filter.command))

@@ -12,7 +12,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 from wasd_core.messages import to_seconds
 from wasd_core.robot_io import BaseOdometry
-from wasd_core.rotations import matrix_from_quaternion, Pose, rpy_from_matrix
+from wasd_core.rotations import Pose, yaw_of
 from wasd_core.topics import has_subscriber, RELIABLE, SENSOR_DATA
 
 from quadruped_sim.elevation import Elevation
@@ -56,7 +56,7 @@ class ElevationPublisher:
         """Publish the places of a height scan, and its values for policies."""
         if has_subscriber(self._node, self._scan):
             position = odometry.position
-            yaw = float(rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2])
+            yaw = yaw_of(odometry.orientation)
             x, y = scan_places(position, yaw).T
             layers = {
                 'x': x,

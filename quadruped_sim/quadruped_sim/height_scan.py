@@ -4,7 +4,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+from wasd_core.rotations import yaw_of
 
 # Of Isaac Lab's and mjlab's rough terrains: 1.6 x 1.0 m about the base, 0.1 m apart.
 LENGTH, WIDTH, APART = 1.6, 1.0, 0.1
@@ -52,6 +52,6 @@ def known_scan(
 
     Where `heights` know nothing the ground is taken as level, `height` [m] below the base.
     """
-    yaw = float(rpy_from_matrix(matrix_from_quaternion(orientation))[2])
+    yaw = yaw_of(orientation)
     seen = height_scan(heights, position, yaw)
     return np.where(np.isnan(seen), height - OFFSET, seen)

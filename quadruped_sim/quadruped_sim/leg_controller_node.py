@@ -158,10 +158,11 @@ class LegControllerNode(Node):
     def _tell_keys(self) -> None:
         """Set the parameters `gait` and `eyes` to what a key, or a reset, has chosen."""
         chosen = self.legs.settings.gait.name, self.legs.settings.eyes
+        if chosen == self._told:
+            return
         told = dict(zip(('gait', 'eyes'), zip(chosen, self._told, strict=True), strict=True))
         changed = [Parameter(name, value=now) for name, (now, was) in told.items() if now != was]
-        if changed:
-            self.set_parameters(changed)
+        self.set_parameters(changed)
 
     def _wants_map(self) -> bool:
         return self.heights.is_wanted or self.legs.wants_map

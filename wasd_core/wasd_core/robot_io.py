@@ -27,12 +27,15 @@ class BaseState(NamedTuple):
     @property
     def rpy(self) -> np.ndarray:
         """Roll, pitch, yaw [rad], shape (3,); R = Rz(yaw) Ry(pitch) Rx(roll)."""
+        return np.array(self._angles())
+
+    def _angles(self) -> tuple[float, float, float]:
         # In plain numbers: numpy takes ten times as long for one of these.
         w, x, y, z = self.orientation.tolist()
         roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
         yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        return np.array([roll, pitch, yaw])
+        return roll, pitch, yaw
 
     @property
     def tilt(self) -> float:
@@ -43,7 +46,7 @@ class BaseState(NamedTuple):
     @property
     def planar_velocity(self) -> np.ndarray:
         """Velocity ahead and to the left [m/s] by yaw, and turn about world z [rad/s], (3,)."""
-        roll, pitch, yaw = self.rpy.tolist()
+        roll, pitch, yaw = self._angles()
         vx, vy, _ = self.linear_velocity.tolist()
         p, q, r = self.angular_velocity.tolist()
         cos, sin = math.cos(yaw), math.sin(yaw)

@@ -83,6 +83,13 @@ def matrix_from_quaternion(quaternion: np.ndarray) -> np.ndarray:
     )
 
 
+def yaw_of(quaternion: np.ndarray) -> float:
+    """Return the yaw [rad] of a quaternion (w, x, y, z), as `rpy_from_matrix` has it."""
+    w, x, y, z = quaternion.tolist()
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    return math.atan2(s * (x * y + w * z), 1.0 - s * (y * y + z * z))
+
+
 def rotation_vector(R: np.ndarray) -> np.ndarray:
     """
     Axis times angle [rad] of a rotation matrix, shape (3,).

@@ -19,7 +19,7 @@ from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
 from wasd_cockpit.link import Elevation, KeyCap, Marks, PlanarPose, Setting, Stick, StickUse
-from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+from wasd_core.rotations import matrix_from_quaternion, yaw_of
 
 from wasd_bringup.page.robot_view import Motion, Numbers, RobotView
 from wasd_bringup.run.go2 import Go2
@@ -175,7 +175,7 @@ class LegsView(RobotView):
         if self._shown is None or odometry is None or robot is None:
             return None
         x, y, _ = odometry.position.tolist()
-        yaw = float(rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2])
+        yaw = yaw_of(odometry.orientation)
         locomotion, aims = controller.locomotion, controller.locomotion.swing_legs.aims
         is_landing = ~locomotion.is_stance & locomotion.gait.is_stepping
         return self._shown._replace(

@@ -21,7 +21,7 @@ from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, St
 from teleop_keyboard.keymap import on_layout, on_qwerty
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, JointCommand
-from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+from wasd_core.rotations import yaw_of
 from wasd_core.timing import is_press, STOP_KEY
 
 from wasd_bringup.robots import unitree_first_keys, unitree_help, UNITREE_PRESET
@@ -281,9 +281,8 @@ class Go2(Robot):
         robot = controller.robot  # `odometry` computes covariances, too: slower
         pose = (0.0, 0.0, 0.0)
         if robot is not None:
-            yaw = rpy_from_matrix(matrix_from_quaternion(robot.orientation))[2]
             x, y, _ = robot.base.position.tolist()
-            pose = (x, y, float(yaw))
+            pose = (x, y, yaw_of(robot.orientation))
         forces = self.world.contact_forces(self._touching)
         touching = [int(force > 0.0) for force in forces.tolist()]
         is_down = self._trunk.is_down(
