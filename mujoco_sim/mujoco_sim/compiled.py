@@ -12,6 +12,8 @@ from wasd_core.robot_io import FULL_TORQUE_SHARE, ImuReading, JointStates, Readi
 
 # Biases of gyro and accelerometer, (3,), and how far the heading is off, (1,) [rad].
 ImuErrors = tuple[np.ndarray, np.ndarray, np.ndarray]
+# So many numbers are in them.
+ERRORS = 7
 
 
 class NoiseSizes(NamedTuple):
@@ -28,24 +30,19 @@ class NoiseSizes(NamedTuple):
 
 
 def add_noise(
-    sizes: np.ndarray,
-    joints: JointStates,
-    imu: ImuReading,
-    errors: ImuErrors,
-    drawn: tuple[np.ndarray, np.ndarray],
-    elapsed: float,
+    joints: JointStates, imu: ImuReading, memory: np.ndarray, drawn: np.ndarray, elapsed: float
 ) -> Reading:
     """
-    Return a noisy reading, `elapsed` [s] after the one before; `errors` go on until now.
+    Return a noisy reading, `elapsed` [s] after the one before.
 
-    `sizes` is a `NoiseSizes` as an array, (8,).
-    `drawn` from a normal distribution are the white noises of n joints' positions and velocities
-    and of the IMU (2n + 9,), and steps of the biases (6,).
+    `memory` (15,) are errors of gyro and accelerometer (3,), and of the heading [rad], which go on
+    until now, then a `NoiseSizes`. `drawn` (2n + 15,) from a normal distribution are the white
+    noises of n joints' positions and velocities and of the IMU, and 6 steps of the biases.
     """
     position, velocity, effort = joints
     count = len(position)
     out = np.empty(2 * count + 10)
-    _add_noise(position, velocity, *imu, *errors, *drawn, sizes, elapsed, out)
+    _add_noise(position, velocity, *imu, memory, drawn, elapsed, out)
     turned, rest = out[2 * count : 2 * count + 4], 2 * count + 4
     turned /= math.hypot(*turned.tolist())
     return Reading(
@@ -55,30 +52,27 @@ def add_noise(
 
 
 @jit
-def _add_noise(  # noqa: PLR0913  # numba takes each array by itself faster than a tuple of them
+def _add_noise(
     position: np.ndarray,
     velocity: np.ndarray,
     orientation: np.ndarray,
     omega: np.ndarray,
     acceleration: np.ndarray,
-    gyro_bias: np.ndarray,
-    bias: np.ndarray,
-    heading: np.ndarray,
-    white: np.ndarray,
-    steps: np.ndarray,
-    sizes: np.ndarray,
+    memory: np.ndarray,
+    drawn: np.ndarray,
     elapsed: float,
     out: np.ndarray,
 ) -> None:
     """Write joints, orientation, not yet of unit length, angular velocity and acceleration."""
-    s = sizes
+    s = memory[ERRORS:]
     own = NoiseSizes(s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7] != 0.0)
     count = len(position)
     for i in range(count):
-        out[i] = position[i] + own.joint_position * white[i]
-        out[count + i] = velocity[i] + own.joint_velocity * white[count + i]
-    imu, errors = (orientation, omega, acceleration), (gyro_bias, bias, heading)
-    _add_imu_noise(imu, errors, own, (white[2 * count :], steps), elapsed, out[2 * count :])
+        out[i] = position[i] + own.joint_position * drawn[i]
+        out[count + i] = velocity[i] + own.joint_velocity * drawn[count + i]
+    imu, errors = (orientation, omega, acceleration), (memory[:3], memory[3:6], memory[6:7])
+    noise = drawn[2 * count : 2 * count + 9], drawn[2 * count + 9 :]
+    _add_imu_noise(imu, errors, own, noise, elapsed, out[2 * count :])
 
 
 @jit

@@ -2,10 +2,9 @@
 """Noise of the sensors in a robot: joints and an IMU."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
-from wasd_core.robot_io import JointStates, Reading
+from wasd_core.robot_io import ImuReading, JointStates, Reading
 
 # Biases and white noise of the same seed have streams of their own.
 STREAM = 15
@@ -53,10 +52,10 @@ class NoisySensors:
         # A stream of its own: what is white stays the same with and without drift.
         self._walks = np.random.default_rng((seed, STREAM))
         # Of gyro, accelerometer and heading: see `ImuErrors`.
-        self._errors = noise.gyro_bias * _direction(self._walks), bias, np.zeros(1)
+        self._errors = np.array((*(noise.gyro_bias * _direction(self._walks)), *bias, 0.0))
         self._time: float | None = None
         self._imu: _ImuNoise | None = None
-        self._coming: list[tuple[np.ndarray, np.ndarray]] = []  # drawn, the next one last
+        self._coming: list[np.ndarray] = []  # drawn, the next one last
 
     def measure(self, true: Reading, time: float = 0.0) -> Reading:
         """Return a noisy reading of the truth at a time [s], which never runs back."""
@@ -72,29 +71,35 @@ class NoisySensors:
         elapsed = 0.0 if self._time is None else time - self._time
         self._time = time
         if self._imu is None:
-            self._imu = _ImuNoise(self._noise)
+            self._imu = _ImuNoise(self._noise, self._errors)
         if not self._coming:
             self._coming = self._draw(2 * len(true.joints.position) + 9, self._imu.drifts)
-        return self._imu.add(true.joints, true.imu, self._errors, self._coming.pop(), elapsed)
+        return self._imu.add(true.joints, true.imu, self._coming.pop(), elapsed)
 
-    def _draw(self, count: int, drifts: bool) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return the white noises (count,) and the steps of the biases (6,) of readings."""
+    def _draw(self, count: int, drifts: bool) -> list[np.ndarray]:
+        """Return the white noises and the 6 steps of the biases of readings, (count + 6,)."""
         white = self._random.standard_normal((_DRAWN, count))
         steps = self._walks.standard_normal((_DRAWN, 6)) if drifts else np.zeros((_DRAWN, 6))
-        return list(zip(white, steps, strict=True))[::-1]
+        return list(np.hstack((white, steps))[::-1])
 
 
 class _ImuNoise:
     """The compiled part, loaded with the first IMU: only legs have one, and it takes a while."""
 
-    def __init__(self, noise: SensorNoise) -> None:
+    def __init__(self, noise: SensorNoise, errors: np.ndarray) -> None:
         from mujoco_sim.compiled import add_noise, NoiseSizes
 
         self.drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
         white = noise.orientation, noise.angular_velocity, noise.acceleration
         drift = noise.gyro_walk, noise.acceleration_walk, self.drifts
         sizes = NoiseSizes(noise.joint_position, noise.joint_velocity, *white, *drift)
-        self.add = partial(add_noise, np.array(sizes))
+        self._add, self._memory = add_noise, np.array((*errors, *sizes))
+
+    def add(
+        self, joints: JointStates, imu: ImuReading, drawn: np.ndarray, elapsed: float
+    ) -> Reading:
+        """Return a noisy reading: see `add_noise`."""
+        return self._add(joints, imu, self._memory, drawn, elapsed)
 
 
 def _direction(random: np.random.Generator) -> np.ndarray:
