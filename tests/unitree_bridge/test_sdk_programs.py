@@ -90,8 +90,15 @@ def test_a_program_stands_the_robot_by_its_motors(simulate, program):
     assert seen['heard'] > 0.95 * 500 * seen['seconds']
 
 
-def test_programs_come_and_go(simulate, program):
+def test_every_call_of_the_sport_client_is_answered_and_programs_come_and_go(simulate, program):
     process = simulate()
+    seen = program('calls')
+    assert set(seen['codes'].values()) == {0, 3203}
+    assert len(seen['codes']) == 39
+    assert seen['mode'] == [0, {'form': '0', 'name': 'mcf'}]
+    assert (seen['switch'], seen['select']) == (0, 0)
+    assert seen['avoid'] == [[0, False], 0]
+    assert 'sport_mode' in seen['services']
     for _ in range(3):
         assert program('round_trip', '1')['heard'] > 0
         assert process.poll() is None
@@ -116,17 +123,6 @@ def test_it_is_the_same_of_a_run_of_wasd(options, name, simulate, program):
     words = ('go2', '--interface', 'unitree', '--viewer', 'none', '--duration', '600')
     simulate(*words, *options, module='wasd_bringup.cli')
     assert program(name)['height'] > 0.3
-
-
-def test_every_call_of_the_sport_client_is_answered(simulate, program):
-    simulate()
-    seen = program('calls')
-    assert set(seen['codes'].values()) == {0, 3203}
-    assert len(seen['codes']) == 39
-    assert seen['mode'] == [0, {'form': '0', 'name': 'mcf'}]
-    assert (seen['switch'], seen['select']) == (0, 0)
-    assert seen['avoid'] == [[0, False], 0]
-    assert 'sport_mode' in seen['services']
 
 
 def test_in_sync_a_busy_machine_changes_no_sample(simulate, program):
@@ -180,26 +176,28 @@ EXAMPLES = {
 }
 
 
-@pytest.mark.parametrize('name', EXAMPLES)
-def test_an_example_of_the_sdk_s_package_runs_unchanged(name, simulate, domain, tmp_path):
+def test_examples_of_the_sdk_s_package_run_unchanged_one_after_the_other(
+    simulate, domain, tmp_path
+):
     package = importlib.util.find_spec('unitree_sdk2py').submodule_search_locations[0]
-    # A copy: one writes a picture beside itself.
-    path = shutil.copy(Path(package) / 'test/client' / name, tmp_path)
     simulate()
-    command = [sys.executable, '-u', PROGRAMS, domain, 'example', path]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    ) as process:
-        said = ''
-        for line in process.stdout:
-            said += line
-            if line.startswith(EXAMPLES[name]):
-                break
-            if 'get image sample error. code: 3202' in line:
-                pytest.skip('nothing renders here')
-        process.kill()
-    assert EXAMPLES[name] in said
-    assert not any(word in said for word in COMPLAINTS), said
+    for name, last in EXAMPLES.items():
+        # A copy: one writes a picture beside itself.
+        path = shutil.copy(Path(package) / 'test/client' / name, tmp_path)
+        command = [sys.executable, '-u', PROGRAMS, domain, 'example', path]
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        ) as process:
+            said = ''
+            for line in process.stdout:
+                said += line
+                if line.startswith(last):
+                    break
+                if 'get image sample error. code: 3202' in line:
+                    pytest.skip('nothing renders here')
+            process.kill()
+        assert last in said, name
+        assert not any(word in said for word in COMPLAINTS), f'{name}: {said}'
 
 
 def test_all_sockets_hear_the_loopback_alone(domain):
