@@ -32,10 +32,9 @@ def turn_by(orientation, rotation):
     """Return a quaternion as an IMU reads it whose only noise is a rotation vector [rad]."""
     none = np.zeros(3)
     sizes = NoiseSizes(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, False)
-    drawn = np.concatenate((np.zeros(24), rotation, np.zeros(6))), np.zeros(6)
-    true = ImuReading(orientation, none, none)
-    errors = none, none, np.zeros(1)
-    return add_noise(np.array(sizes), JOINTS, true, errors, drawn, 0.0).imu.orientation
+    drawn = np.concatenate((np.zeros(24), rotation, np.zeros(12)))
+    true, memory = ImuReading(orientation, none, none), np.array((*np.zeros(7), *sizes))
+    return add_noise(JOINTS, true, memory, drawn, 0.0).imu.orientation
 
 
 def angle_between(one, other):
@@ -70,7 +69,7 @@ def test_the_accelerometer_has_a_constant_bias_besides(readings):
 
 
 def test_another_seed_has_another_bias():
-    biases = [NoisySensors(NOISE, seed)._errors[1] for seed in range(5)]
+    biases = [NoisySensors(NOISE, seed)._errors[3:6] for seed in range(5)]
     assert len({tuple(bias) for bias in biases}) == 5
     for bias in biases:
         assert np.linalg.norm(bias) == pytest.approx(NOISE.acceleration_bias)
