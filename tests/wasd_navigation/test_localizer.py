@@ -6,8 +6,10 @@ import math
 from lidar_room import circle, look
 import numpy as np
 import pytest
-from wasd_navigation.mapping.localizer import Localizer
+from wasd_navigation.mapping.local_map import Fit
+from wasd_navigation.mapping.localizer import Hypotheses, Localizer
 from wasd_navigation.mapping.mapper import Mapper
+from wasd_navigation.mapping.search import Found
 from wasd_navigation.records import Grid, Scan, UNKNOWN
 from wasd_navigation.se2 import compose, inverse, wrap
 
@@ -204,6 +206,23 @@ def test_what_is_ambiguous_is_said_to_be_and_not_decided() -> None:
         robot.go(compose(robot.pose, np.array((0.005, 0.0, 0.01))))
     assert not robot.localizer.is_found
     assert robot.localizer.notice == 'may be at 2 places: drive on to tell them apart'
+
+
+@pytest.mark.parametrize(('contradicted', 'is_decided'), [(0.05, True), (0.28, False)])
+def test_a_last_place_that_the_map_contradicts_is_none(
+    contradicted: float, is_decided: bool
+) -> None:
+    """Of three in an office of table legs none was right, and the last was not either."""
+    places = Hypotheses()
+    poses = np.array(((0.0, 0.0, 0.0), (3.0, 0.0, 0.0)))
+    places.take(Found(poses, np.full(2, 0.9)), np.zeros(3))
+    fit = {0.0: contradicted, 3.0: contradicted + 0.1}
+    ever = False
+    for _ in range(20):
+        places.judge(lambda pose: Fit(pose, np.eye(3), 0.7), lambda pose: fit[pose[0]])
+        ever |= len(places) > 0 and places.is_decided(was_told=False)
+    assert ever == is_decided
+    assert len(places) == is_decided
 
 
 def test_places_that_no_longer_fit_are_no_longer_told() -> None:

@@ -22,8 +22,9 @@ MOST, APART, TURNED = 8, 0.4, 0.3
 # The pose of one is known so well: standard deviations [m], [rad].
 PRIOR = np.diag((1.0 / 0.15**2, 1.0 / 0.15**2, 1.0 / 0.06**2))
 # One is given up when by so much, in sum, more of the scans is contradicted than with the best of
-# them, after what is allowed for each [Page1954]; or when less than this fits at all.
-WORSE, ALLOWED, LEAST = 0.5, 0.03, 0.55
+# them, after what is allowed for each [Page1954]; or when less than this fits at all. Of none more
+# than this share is believed to be of people and of what was moved: then the best is wrong, too.
+WORSE, ALLOWED, LEAST, CHANGED = 0.5, 0.03, 0.55, 0.15
 # Scans that the last one left, or one that was asked for, must have fitted.
 SCANS = 3
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
@@ -90,6 +91,7 @@ class Hypotheses:
             each.share, each.against = fitted.share, contradicted(fitted.pose)
             each.scans += 1
         least = min((each.against for each in self._all), default=0.0)
+        least = min(least, CHANGED)
         for each in self._all:
             each.deficit = max(0.0, each.deficit + each.against - least - ALLOWED)
         self._all.sort(key=lambda each: (each.deficit, -each.share))
@@ -105,8 +107,10 @@ class Hypotheses:
         return self._all[0] if self._all else None
 
     def is_decided(self, was_told: bool) -> bool:
-        """Whether one is left, or the robot was told where it is: the best is meant."""
-        return (len(self._all) == 1 or was_told) and self._all[0].scans >= SCANS
+        """Whether one is left that is not about to go, or the robot was told where it is."""
+        best = self._all[0]
+        is_last = len(self._all) == 1 and best.deficit <= 0.5 * WORSE
+        return (is_last or was_told) and best.scans >= SCANS
 
 
 def _is_near(first: np.ndarray, second: np.ndarray) -> bool:
