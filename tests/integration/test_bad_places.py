@@ -137,6 +137,16 @@ def test_a_name_that_is_no_utf_8_is_not_for_ros(option, tmp_path):
     assert 'UTF-8' in done.stderr
 
 
+def test_a_goal_that_is_not_reached_is_told_at_the_end_where_no_terminal_shows_it():
+    """It is no mistake of the command line: only the robot's map tells."""
+    goal = ('--map', '--world', 'flat:3', '--goal', '99 99', '--duration', '5')
+    words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, *goal, '--no-ros']
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    told = done.stdout.splitlines()[-1]
+    assert told.startswith('goal 99 99 refused: (99.00, 99.00) is outside the map'), done.stdout
+
+
 @pytest.mark.parametrize(
     ('name', 'value'),
     [('ROS_DOMAIN_ID', '233'), ('ROS_DOMAIN_ID', 'x'), ('RMW_IMPLEMENTATION', 'rmw_none')],

@@ -2,7 +2,7 @@
 """`wasd go2` and the like: robots, driven from the terminal, the page, a pipe or a script."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import contextlib
 import dataclasses
 import importlib.util
@@ -12,7 +12,7 @@ import os
 import shutil
 import subprocess
 import sys
-from typing import TextIO, TYPE_CHECKING
+from typing import Any, TextIO, TYPE_CHECKING
 
 from teleop_keyboard.key_reader import KeyReader, open_key_reader
 from teleop_keyboard.terminal import NoTerminal
@@ -237,4 +237,14 @@ def _summary(run: Run, options: RunOptions) -> str:
     )
     saved = options.save_map and f'{options.save_map}.yaml'
     written = {'recorded to': options.record, 'report in': options.report, 'map in': saved}
-    return '; '.join([text, *(f'{what} {path}' for what, path in written.items() if path)])
+    text = '; '.join([text, *(f'{what} {path}' for what, path in written.items() if path)])
+    return '\n'.join((text, *_missed_goals(report)))
+
+
+def _missed_goals(report: dict[str, Any]) -> Iterator[str]:
+    """Yield a line of each goal that a robot has not reached."""
+    for robot in report.get('robots', {'': report}).values():
+        for goal in robot.get('navigation', {}).get('goals', ()):
+            if goal['state'] in ('refused', 'failed'):
+                x, y, _ = goal['goal']
+                yield f'goal {x:g} {y:g} {goal["state"]}: {goal["reason"]}'
