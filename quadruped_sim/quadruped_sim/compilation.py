@@ -12,6 +12,7 @@ import numpy as np
 from wasd_core.errors import Stopped
 from wasd_core.jit import before_each_compilation
 from wasd_core.robot_io import GRAVITY, ImuReading, JointStates, Reading
+from wasd_core.streams import offer
 
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.leg_controller import LegController
@@ -81,13 +82,13 @@ def _compile_elsewhere(is_stopped: Callable[[], bool]) -> None:
             if is_stopped():
                 raise Stopped
             if shows:
-                print(f'\r{time.monotonic() - began:.0f} s ', end='', file=sys.stderr, flush=True)
+                offer(sys.stderr, f'\r{time.monotonic() - began:.0f} s ')
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(PERIOD)
                 return
     finally:
         if shows:
-            print('\r\033[K', end='', file=sys.stderr, flush=True)
+            offer(sys.stderr, '\r\033[K')
         process.kill()
         process.wait()
 

@@ -3,16 +3,20 @@
 
 import os
 from pathlib import Path
+import pty
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import tty
 
 import numba
 import pytest
 from quadruped_sim.compilation import compile_once, NOTICE
 from wasd_core.errors import Stopped
+from wasd_core.streams import Outlet, Words
 
 import quadruped_sim
 from quadruped_sim import compilation
@@ -75,6 +79,18 @@ def test_without_a_cache_a_stop_comes_before_the_next_function(function, here_on
 def test_an_error_of_what_is_used_comes_through(here_only):
     with pytest.raises(ZeroDivisionError):
         compile_once(lambda: 1 / 0, lambda _: None)
+
+
+def test_a_terminal_shows_how_long_it_takes_in_one_line_that_is_wiped_away(monkeypatch):
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    monkeypatch.setattr(sys, 'stderr', Words(Outlet(slave), 'utf-8', 'strict'))
+    wait = [sys.executable, '-c', 'import time; time.sleep(0.3)']
+    monkeypatch.setattr(compilation, 'COMPILE', wait)
+    compilation._compile_elsewhere(lambda: False)
+    shown = os.read(master, 4096)
+    os.close(master)
+    assert re.fullmatch(rb'(\r\d+ s )+\r\x1b\[K', shown), shown
 
 
 def users_of(folder: Path) -> list[int]:
