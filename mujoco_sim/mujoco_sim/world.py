@@ -325,14 +325,16 @@ class Physics:
         flags = self._options.disableflags
         if count > 1:  # sensors are read after the last step alone
             self._options.disableflags = flags | _NO_SENSORS
-            if follow:
-                for _ in range(count - 1):
-                    step(model, data)
-                    for act in follow:
-                        act()
-            else:
-                step(model, data, count - 1)
-            self._options.disableflags = flags
+            try:
+                if follow:
+                    for _ in range(count - 1):
+                        step(model, data)
+                        for act in follow:
+                            act()
+                else:
+                    step(model, data, count - 1)
+            finally:  # also after Ctrl-C in somebody's notebook, who goes on
+                self._options.disableflags = flags
         step(model, data)
         for act in follow:
             act()

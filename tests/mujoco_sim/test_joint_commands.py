@@ -57,6 +57,20 @@ def test_a_command_is_followed_between_commands_too(loaded):
     np.testing.assert_array_equal(worlds[0].data.qpos, worlds[1].data.qpos)
 
 
+def test_sensors_measure_on_after_a_step_that_was_interrupted(world, monkeypatch):
+    """As by Ctrl-C in a notebook, whose owner goes on."""
+
+    def interrupt():
+        raise KeyboardInterrupt
+
+    flags = world.model.opt.disableflags
+    with monkeypatch.context() as patched:
+        patched.setattr(world._actuation, 'begin_steps', lambda: interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            world.physics.step(5)
+    assert world.model.opt.disableflags == flags
+
+
 @pytest.mark.parametrize('effort', [50.0, -50.0])
 def test_no_motor_gives_more_than_its_limit(world, effort):
     world.apply(COMMAND._replace(effort=np.full(2, effort)))
