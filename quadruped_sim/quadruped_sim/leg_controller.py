@@ -419,7 +419,6 @@ class LegController:
         elif self.hindrance and not self.rests:
             self._machine.force(StateName.FIXED_STAND)
         is_let_go = self._machine.begin_tick() is StateName.PASSIVE
-        is_stepping = self.locomotion.gait.is_stepping
         if self._entered is not self._machine.state:
             if self._machine.state is not StateName.PASSIVE:
                 self.event = None
@@ -428,7 +427,7 @@ class LegController:
             self._states[self._machine.state].enter(robot)
             self._entered = self._machine.state
         if is_let_go:
-            self._passive.go_down(robot, is_stepping)
+            self._passive.go_down(robot)
 
     def _let_go(self, reason: str) -> None:
         for solver in self._solvers:

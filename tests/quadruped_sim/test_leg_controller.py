@@ -6,7 +6,6 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
-from quadruped_sim.states.driving import Passive
 from quadruped_sim.tuning import GaitParameters
 from wasd_core.rotations import rpy_matrix, to_quaternion
 
@@ -387,24 +386,15 @@ def test_a_controller_that_breaks_damps_and_says_so(model, run, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('speed', 'feet', 'squats'), [(0.0, 4, 0), (1.0, 4, 1), (0.0, 3, 1)])
-def test_key_1_is_limp_at_once_at_rest_and_after_a_squat_in_motion_or_on_three_feet(
-    controller, run, truth, monkeypatch, speed, feet, squats
-):
+@pytest.mark.parametrize('speed', [0.0, 1.0])
+def test_key_1_is_limp_after_a_squat_at_rest_and_in_motion(controller, run, truth, speed):
     run(controller, 2)
     controller.press('2')
     moving = truth._replace(linear_velocity=np.array((0.0, speed, 0.0)))
     run(controller, 5, truth=moving)
-    go_down = Passive.go_down
-
-    def stand_and_go_down(passive, robot, is_stepping):
-        robot.is_contact[:] = np.arange(4) < feet  # the feet of this robot press on nothing
-        go_down(passive, robot, is_stepping)
-
-    monkeypatch.setattr(Passive, 'go_down', stand_and_go_down)
     controller.press('1')
     command = run(controller, 3, truth=moving)
-    assert (controller.state, bool(command.kp.any())) == ('passive', bool(squats))
+    assert (controller.state, bool(command.kp.any())) == ('passive', True)
     assert not run(controller, 350, truth=moving).kp.any()
 
 

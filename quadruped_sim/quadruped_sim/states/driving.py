@@ -159,7 +159,8 @@ class Passive(State):
     """
     Damps; the start state, and where every guard leads.
 
-    A robot in motion that a driver lets go of squats first, so that it does not tip over its feet.
+    A robot that a driver lets go of squats first if it is up, so that it does not tip over its
+    feet.
     """
 
     _squatting = 0.0  # for so long from now [s]
@@ -179,13 +180,9 @@ class Passive(State):
         """Damp from now on."""
         self._squatting = 0.0
 
-    def go_down(self, robot: RobotState, is_stepping: bool) -> None:
-        """Squat before it is limp if it is up and moves, or stands on fewer than four feet."""
-        scale, base = self._parts.model.scale, robot.base
-        speed, spin = (math.hypot(*rate.tolist()) for rate in (base.velocity, base.omega))
-        moves = speed > _REST_SPEED * scale.of('m/s') or spin > _REST_SPIN * scale.of('rad/s')
-        is_odd = moves or is_stepping or not robot.is_contact.all()
-        if is_odd and is_up(self._parts.model, robot):
+    def go_down(self, robot: RobotState) -> None:
+        """Squat before it is limp if it is up."""
+        if is_up(self._parts.model, robot):
             self._squatting = _SQUAT_TIME
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
@@ -208,9 +205,8 @@ _HALT_TIME_MAX = 3.0
 _SQUAT_HIP, _SQUAT_LEG = 0.3, (1.1, -2.2)
 _SQUAT_KP, _SQUAT_KD = 60.0, 6.0
 _SQUAT_TIME = 0.6
-# A robot that is slower [m/s], [rad/s] is at rest, and may be limp at once; one that is tilted
-# more than this cosine tells falls whatever its legs do.
-_REST_SPEED, _REST_SPIN, _UPRIGHT = 0.1, 0.3, 0.7
+# One that is tilted more than this cosine falls whatever its legs do.
+_UPRIGHT = 0.7
 
 
 def stiff_command(model: RobotModel, position: np.ndarray) -> JointCommand:
