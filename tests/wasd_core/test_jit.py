@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What numba compiled is kept for each state of its package, for all environments that have it."""
 
+import importlib.util
 import os
 from pathlib import Path
 import shutil
@@ -243,3 +244,24 @@ def test_a_cache_of_another_user_is_not_used(kernels, refused):
     os.chown(cache, 1234, 1234)
     assert f'{cache} belongs to user 1234' in refused(cache)[1]
     assert refused(cache)[0] == '1 1'  # from the home
+
+
+# SciPy takes longer to load than the kernels of a robot.
+LOADED = """
+import sys
+from kernels.size import size
+size()
+print('scipy.linalg' in sys.modules)
+import numba, numpy
+print(numba.njit(lambda half: half @ half)(numpy.full((2, 2), 0.5))[0, 0])
+"""
+
+
+@pytest.mark.skipif(importlib.util.find_spec('scipy') is None, reason='needs SciPy')
+def test_scipy_is_loaded_for_a_product_of_matrices_not_for_each_kernel(kernels):
+    words = [sys.executable, '-c', LOADED]
+    for _ in range(2):  # compiled, and from the cache
+        done = subprocess.run(
+            words, cwd=kernels.folder, env=kernels.environment, capture_output=True, text=True
+        )
+        assert done.stdout.split() == ['False', '0.5'], done.stderr

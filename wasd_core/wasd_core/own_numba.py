@@ -11,6 +11,7 @@ import contextlib
 import functools
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import shutil
@@ -167,3 +168,27 @@ class OwnCache(caching.FunctionCache):
         self._cache_file = _Files(
             self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
         )
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return a function from the cache, None if it is not there."""
+        _only_look_for_scipy()
+        return super().load_overload(sig, target_context)
+
+
+@functools.cache
+def _only_look_for_scipy() -> None:
+    """Import what of numba would load SciPy, 0.3 s of each start, to see whether it is there."""
+    from numba.np import linalg
+
+    load_scipy = linalg.ensure_blas
+    linalg.ensure_blas = _find_scipy
+    try:
+        from numba.np import arraymath
+    finally:
+        linalg.ensure_blas = load_scipy
+    arraymath.ensure_blas = load_scipy  # type: ignore[attr-defined]
+
+
+def _find_scipy() -> None:
+    if find_spec('scipy') is None:
+        raise ImportError('SciPy is not installed')

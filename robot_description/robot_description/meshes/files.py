@@ -9,7 +9,6 @@ from pathlib import Path, PurePosixPath
 import re
 from urllib.parse import unquote
 import xml.etree.ElementTree as ElementTree
-from xml.sax.saxutils import quoteattr
 
 from robot_description.morphology import SIDES, words
 from robot_description.packages import PACKAGE
@@ -195,7 +194,7 @@ def published_urdf(urdf: str, files: Mapping[str, Path]) -> str:
         opened = opened_by_rviz(url)
         if file is None or opened is not None and (opened == file or _is_same(opened, file)):
             return match[0]
-        return match[1] + quoteattr(file.absolute().as_uri())
+        return f'{match[1]}"{file.absolute().as_uri()}"'  # a URI has no quotation marks
 
     return MESH.sub(replaced, urdf)
 
