@@ -12,6 +12,7 @@ from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameter
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.motion import base_of, move
 from wasd_navigation.records import Grid, Scan
+from wasd_navigation.se2 import inverse, transform
 
 # Each drives a robot for a while.
 pytestmark = pytest.mark.slow
@@ -52,16 +53,72 @@ class Rooms(StandInLocator):
             self.revision += 1
             self._draw()
 
+    def scan(self, pose: np.ndarray) -> Scan:
+        return NOTHING
+
     def _draw(self) -> None:
         cells = self._all if self._is_second else self._all[:, :62]
         self.grid = Grid(cells.copy(), 0.05, (0.0, 0.0))
 
 
+class SomebodyStood(Rooms):
+    """The first room, where somebody stands in the map; he has gone once the robot is near."""
+
+    PLACE = (2.0, 0.9)
+
+    def __init__(self, goes: bool, width: float = 0.45) -> None:
+        self._is_there, self._goes, self._width = True, goes, width
+        super().__init__(door=0.0)
+
+    def look(self, pose: np.ndarray) -> None:
+        if self._goes and self._is_there and math.dist(pose[:2], self.PLACE) < 0.8:
+            self._is_there = False
+            self.revision += 1
+            self._draw()
+
+    def scan(self, pose: np.ndarray) -> Scan:
+        if not self._is_there:
+            return NOTHING
+        ends = transform(inverse(pose), np.array([self.PLACE]))
+        return Scan(np.zeros(2), ends, np.ones(1, bool))
+
+    def _draw(self) -> None:
+        super()._draw()
+        half, (x, y) = 0.5 * self._width, self.PLACE
+        low, high = self.grid.to_cells(np.array(((x - half, y - 0.1), (x + half, y + 0.1))))
+        self.grid.cells[low[0] : high[0], low[1] : high[1]] = 100 * self._is_there
+
+
+class SomebodyComes(Rooms):
+    """The first room; somebody walks to a place, stands there for six seconds, and walks on."""
+
+    def __init__(self, place: tuple[float, float]) -> None:
+        super().__init__(door=0.0)
+        self._time, self._place = 0.0, np.array(place)
+
+    def scan(self, pose: np.ndarray) -> Scan:
+        self._time += DT
+        along = 0.5 * (min(self._time - 1.5, 0.0) + max(self._time - 7.5, 0.0))
+        angles = np.linspace(-math.pi, math.pi, 360, endpoint=False)
+        rays = np.column_stack((np.cos(angles), np.sin(angles)))
+        to = transform(inverse(pose), self._place[None] + (0.0, along))[0]
+        ahead, aside = rays @ to, np.abs(rays[:, 0] * to[1] - rays[:, 1] * to[0])
+        hits = (ahead > 0.0) & (aside < 0.2)
+        lengths = np.where(hits, ahead - np.sqrt(np.maximum(0.04 - aside**2, 0.0)), 6.0)
+        return Scan(np.zeros(2), lengths[:, None] * rays, hits)
+
+
 class Drive:
     """A robot of a footprint that begins in the first room and is sent to a goal."""
 
-    def __init__(self, rooms: Rooms, footprint: Footprint, goal: tuple[float, ...]) -> None:
-        limits, parameters = DriveLimits(), PlanningParameters()
+    def __init__(
+        self,
+        rooms: Rooms,
+        footprint: Footprint,
+        goal: tuple[float, ...],
+        tolerance: float = 0.3,
+    ) -> None:
+        limits, parameters = DriveLimits(), PlanningParameters(tolerance=tolerance)
         explorer = Explorer(footprint, parameters)
         self.rooms, self.words = rooms, set()
         driver = Driver(limits, footprint, parameters)
@@ -74,7 +131,7 @@ class Drive:
         here = odometry(*self.state[:3])
         self.navigator.move(here)
         self.rooms.look(self.state)
-        self.navigator.see(NOTHING, here)
+        self.navigator.see(self.rooms.scan(self.state[:3]), here)
 
     def run(self, seconds: float = 60.0) -> str:
         """Drive until the goal has ended; return how."""
@@ -128,6 +185,38 @@ def test_a_goal_in_a_wall_is_refused_at_once_whatever_may_be_behind_it(footprint
     drive = Drive(Rooms(), footprint, (1.0, -0.1, 0.0))
     assert drive.run(2.0) == 'refused'
     assert 'obstacle' in drive.navigator.reason
+    assert drive.state[:2] == pytest.approx((1.0, 2.0))
+
+
+@SIZES
+def test_a_goal_where_somebody_stood_is_driven_to_and_reached_once_he_has_gone(footprint) -> None:
+    goal = (*SomebodyStood.PLACE, 0.0)
+    drive = Drive(SomebodyStood(goes=True), footprint, goal)
+    assert drive.run() == 'arrived'
+    assert drive.off(goal) < 0.06
+    assert '(2.00, 0.90) is in an obstacle: the robot drives there to look' in drive.words
+
+
+@SIZES
+def test_where_somebody_still_stands_the_robot_fails_beside_him_and_says_so(footprint) -> None:
+    goal = (*SomebodyStood.PLACE, 0.0)
+    drive = Drive(SomebodyStood(goes=False), footprint, goal)
+    assert drive.run() == 'failed'
+    assert 'an obstacle' in drive.navigator.reason
+    assert 0.3 < drive.off(goal) < 0.8
+
+
+def test_a_goal_where_somebody_comes_and_stands_for_a_while_is_reached_when_he_walks_on() -> None:
+    goal = (2.6, 1.2, 0.0)
+    drive = Drive(SomebodyComes(goal[:2]), Footprint(radius=0.2), goal, tolerance=0.0)
+    assert drive.run() == 'arrived'
+    assert drive.off(goal) < 0.06
+
+
+def test_a_goal_in_what_is_too_wide_to_go_away_is_refused_at_once() -> None:
+    goal = (*SomebodyStood.PLACE, 0.0)
+    drive = Drive(SomebodyStood(goes=True, width=1.4), Footprint(radius=0.2), goal)
+    assert drive.run(2.0) == 'refused'
     assert drive.state[:2] == pytest.approx((1.0, 2.0))
 
 

@@ -36,7 +36,8 @@ _FOR_PEOPLE, _AGAIN = 15.0, 0.5
 _WITH_PEOPLE = 2
 # How the reason ends for which it stands.
 _WAITING = ': waiting'
-# A goal where nobody had looked fails when it is seen for so long that it is none [s].
+# A goal where nobody had looked fails when it is seen for so long that it is none [s]; as long as
+# for people where somebody may go, or the map may show that he has gone.
 _SEEN_FOR = 3.0
 # So much more of the map that is known is as good as coming nearer to a goal that is not [m^2].
 _NEWS = 0.3
@@ -288,16 +289,19 @@ class Driver:
             self._docking = self._may_dock(state)
         if self._docking is not None:
             return self._dock(self._docking, state, dt)
-        self.state, self.reason = 'driving', self._to_look(route.goal)
+        self.state, self.reason = 'driving', self._to_look(route)
         return self._sample(route, state, dt)
 
-    def _to_look(self, goal: np.ndarray) -> str:
-        """Return the remark on a goal in unknown space, '' for any other."""
-        grid = self._around.whole_
-        cell = grid.to_cells(goal[None, :2])
+    def _to_look(self, route: Route) -> str:
+        """Return the remark on a goal of which nobody knows whether it is one, '' for others."""
+        (x, y), grid = route.asked[:2], self._around.whole_
+        if route.is_to_look:
+            return f'({x:.2f}, {y:.2f}) is in an obstacle: the robot drives there to look'
+        cell = grid.to_cells(route.goal[None, :2])
         if grid.covers(cell)[0] and grid.cells[tuple(cell[0])] != UNKNOWN:
             return ''
-        return f'({goal[0]:.2f}, {goal[1]:.2f}) is unknown: the robot drives there to look'
+        x, y = route.goal[:2]
+        return f'({x:.2f}, {y:.2f}) is unknown: the robot drives there to look'
 
     def _sample(self, route: Route, state: np.ndarray, dt: float) -> np.ndarray:
         """Return the velocity that leads along a route."""
@@ -391,8 +395,13 @@ class Driver:
         self.state, self.reason = ('driving' if docking.is_going else 'turning'), ''
         if not docking.is_there:
             return velocity
-        assert self._route is not None
-        off = self._route.off
+        route = self._route
+        assert route is not None
+        if route.is_to_look:
+            self._no_nearer = 0.0
+            self.state, self.reason = 'recovering', f'{route.refusal(self._around)}{_WAITING}'
+            return velocity
+        off = route.off
         words = f'as near as possible: {off:.2f} m from it' if off > 0.0 else ''
         return self._end('arrived', words)
 
@@ -403,14 +412,19 @@ class Driver:
 
     def _may_still_be(self, route: Route, dt: float) -> bool:
         """Whether a goal where nobody had looked may be one, by what is seen now."""
-        if self._around.known > self._known + _NEWS and self._to_look(route.goal):
-            self._known = self._around.known
+        around = self._around
+        if around.known > self._known + _NEWS and self._to_look(route):
+            self._known = around.known
             self._start_over()
-        is_none = route.off == 0.0 and route.refusal(self._around) is not None
-        self._seen_for = self._seen_for + dt if is_none else 0.0
-        if self._seen_for <= _SEEN_FOR:
+        is_near = self._docking is not None and self._docking.is_there
+        is_seen = is_near if route.is_to_look else route.off == 0.0
+        reason = route.refusal(around) if is_seen else None
+        self._seen_for = self._seen_for + dt if reason is not None else 0.0
+        has_gone = route.is_to_look and not around.layer.has_hit(route.asked[:2], route.off)
+        most = _FOR_PEOPLE if around.movers.are_about or has_gone else _SEEN_FOR
+        if reason is None or self._seen_for <= most:
             return True
-        self._end('failed', route.refusal(self._around) or '')
+        self._end('failed', reason)
         return False
 
     def _start_over(self) -> None:
@@ -431,7 +445,7 @@ class Driver:
 
     def _begin_recovery(self, why: str) -> None:
         most = self._parameters.recoveries
-        if self._route is not None and self._to_look(self._route.goal):
+        if self._route is not None and self._to_look(self._route):
             most = min(most, _UNSEEN)  # there are other places to look from
         if self._around.movers.are_about:
             most *= _WITH_PEOPLE

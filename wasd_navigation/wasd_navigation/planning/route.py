@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a goal can be reached, and the path there from the robot."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -28,6 +29,9 @@ _LONG, _FAR, _CLEAR, _SHORTER = 1.1, 15.0, 0.1, 0.98
 # Values are worked out again when something changed, but no more often than this [s], and than the
 # latter when the way is blocked.
 _REDRAW, _REDRAW_BLOCKED = 1.0, 0.25
+# What is no wider than this may go away, as a person or a chair does: the robot drives so near to
+# a goal there, to look [m].
+_MAY_GO, _LOOK = 1.0, 1.2
 
 
 # What is left to a goal from everywhere, on its way to be drawn.
@@ -42,7 +46,8 @@ class Route:
     good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `settle`
     looks whether the way is a long one; `is_settled` says that it need not look. `way`, shape
     (n, 3), are places and headings. `goal` is the pose nearest to the one that was `asked` for
-    where there is room: see `aim`. With `may_be_unknown` it may be in unknown space.
+    where there is room: see `aim`. With `may_be_unknown` the map grows: the goal may be in unknown
+    space, or where something stands that may go away.
     """
 
     def __init__(
@@ -75,15 +80,26 @@ class Route:
         """How far the goal is from where it was asked to be [m]."""
         return math.dist(self.goal[:2], self.asked[:2])
 
+    @property
+    def is_to_look(self) -> bool:
+        """Whether the goal is too far from what was asked for to do, but shows what is there."""
+        return self.off > self._parameters.tolerance + 1e-6
+
     def refusal(self, around: Surroundings) -> str | None:
         """Return why what was asked for is no goal; None: it may be one."""
         return refusal(self.asked, around, self._footprint, self._parameters, self.may_be_unknown)
 
     def aim(self, around: Surroundings, pose: np.ndarray) -> None:
-        """Take the pose nearest to what was asked for where there is room, as seen from a pose."""
-        found = nearest_free(
-            self.asked, pose, around, self._footprint, self._parameters, self.may_be_unknown
-        )
+        """
+        Take the pose nearest to what was asked for where there is room, as seen from a pose.
+
+        Where the map grows it may be farther than the tolerance: see `is_to_look`.
+        """
+        footprint, parameters = self._footprint, self._parameters
+        found = nearest_free(self.asked, pose, around, footprint, parameters, self.may_be_unknown)
+        if found is None and self.may_be_unknown and may_go(self.asked, around, footprint):
+            parameters = dataclasses.replace(parameters, tolerance=_LOOK)
+            found = nearest_free(self.asked, pose, around, footprint, parameters)
         if found is not None:
             self.goal = found
         elif self.may_be_unknown:
@@ -351,6 +367,8 @@ def nearest_free(
     inside = grid.covers(grid.to_cells(places))
     places, cells = places[inside], grid.to_cells(places[inside])
     is_known = ~around.is_unknown[tuple(cells.T)] | may_be_unknown
+    # Most places near an obstacle have no room by far.
+    is_known &= field.values[0][tuple(cells.T)] > footprint.inscribed - 1.5 * grid.resolution
     is_reached: np.ndarray | None = None
     for place, cell in zip(places[is_known], cells[is_known], strict=True):
         state = np.array((*place, goal[2], 0.0, 0.0, 0.0))
@@ -367,6 +385,24 @@ def nearest_free(
         if is_reached[tuple(cell)]:
             return state[:3]
     return None
+
+
+def may_go(goal: np.ndarray, around: Surroundings, footprint: Footprint) -> bool:
+    """Whether all that is in the way at a goal (x, y, yaw) is no wider than what may go away."""
+    if around.is_windowed and not around.map_.has(goal[:2]):
+        around = around.at(goal)
+    grid, distances = around.map_, around.distances.values[0]
+    x, y, radius = footprint.circles[0]
+    reach = math.hypot(x, y) + radius + grid.resolution
+    low, high = grid.to_cells(np.stack((goal[:2] - reach, goal[:2] + reach)))
+    corner = np.maximum(low, 0)
+    near = distances[corner[0] : high[0] + 1, corner[1] : high[1] + 1]
+    for cell in np.argwhere(near < 0.0) + corner:
+        # Cells that touch at a corner are of one thing.
+        thing = np.argwhere(flood(cell, -distances, -0.55 * grid.resolution))
+        if (np.ptp(thing, axis=0) - 1).max() * grid.resolution > _MAY_GO:
+            return False
+    return True
 
 
 def no_way(

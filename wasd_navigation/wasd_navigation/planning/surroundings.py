@@ -89,6 +89,12 @@ class ObstacleLayer:
         _mark(self.marks, self._last, distances)
         self.is_new = self.is_new or bool(((self.marks > 0) != before).any())
 
+    def has_hit(self, place: np.ndarray, reach: float) -> bool:
+        """Return whether the last scan hit something within a reach [m] of a place, shape (2,)."""
+        assert self._grid is not None
+        ends = self._last[:, :2] * self._grid.resolution + self._grid.origin - place
+        return bool((np.hypot(*ends.T) < reach).any())
+
     @property
     def hidden(self) -> np.ndarray:
         """Which cells the last scan could not see for what it has marked, bool."""
