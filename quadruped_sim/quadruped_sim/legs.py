@@ -21,6 +21,9 @@ from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from quadruped_sim.states.policy import Walker
 
+# Not empty once this process has loaded what controllers compile.
+_is_warm: list[bool] = []
+
 
 class Legs:
     """
@@ -208,5 +211,7 @@ def load_policy(path: str, config: str) -> Walker | None:
 def _warm_model(description: Description) -> RobotModel:
     """Return the model of a robot, with all loaded that its controller compiles."""
     model = RobotModel(description)
-    warm_up(model)
+    if not _is_warm:  # one robot's functions are another's
+        warm_up(model)
+        _is_warm.append(True)
     return model

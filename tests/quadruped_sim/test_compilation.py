@@ -16,11 +16,12 @@ import tty
 import numba
 import pytest
 from quadruped_sim.compilation import compile_once, NOTICE
+import wasd
 from wasd_core.errors import Stopped
 from wasd_core.streams import Outlet, Words
 
 import quadruped_sim
-from quadruped_sim import compilation
+from quadruped_sim import compilation, legs
 
 # Starting takes a second or two of a core; compiling takes more than ten.
 PATIENCE = 60.0
@@ -224,3 +225,13 @@ def test_what_any_key_and_a_map_of_heights_call_is_compiled_before_the_first_tic
     states, late = ended.stdout.splitlines()[-2:]
     assert late == ''
     assert len(set(states.split())) >= 9
+
+
+@pytest.mark.slow
+def test_of_two_robots_in_a_process_only_the_first_loads_what_is_compiled(monkeypatch):
+    wasd.Go2()
+    monkeypatch.setattr(legs, 'warm_up', lambda model: pytest.fail('it was loaded again'))
+    dog = wasd.Go2()
+    dog.press('2')
+    dog.run(0.1)
+    assert dog.state == 'fixed stand'
