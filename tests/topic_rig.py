@@ -44,14 +44,26 @@ class Rig:
     """A simulator and a controller of its robot, which know each other by topics only."""
 
     def __init__(
-        self, spawn, spin_until, make_controller, description, simulator=(), **parameters
+        self,
+        spawn,
+        spin_until,
+        make_controller,
+        description,
+        simulator=(),
+        period=PERIOD,
+        **parameters,
     ):
-        """`simulator` are parameters of the simulator, by name; `parameters` the controller's."""
+        """
+        `simulator` are parameters of the simulator, by name; `parameters` the controller's.
+
+        `period` is that of readings [s].
+        """
+        self.period = period
         self.simulator = spawn(
             SimulatorNode(
                 parameter_overrides=[
                     Parameter('description', value=description),
-                    Parameter('state_rate', value=1.0 / PERIOD),
+                    Parameter('state_rate', value=1.0 / period),
                     *(Parameter(name, value=value) for name, value in dict(simulator).items()),
                 ]
             )
@@ -71,18 +83,21 @@ class Rig:
         spin_until(
             self._pump,
             lambda: self.world.time > 0.0 and self._answers(),
-            step=lambda: self.simulator.simulation.advance(2),
+            step=self._advance,
         )
 
     def run(self, duration):
         """Simulate; every reading is answered before the next, whatever the host."""
-        for _ in range(round(duration / PERIOD)):
-            self.simulator.simulation.advance(2)
+        for _ in range(round(duration / self.period)):
+            self._advance()
             self._spin_until(self._pump, self._answers)
 
     def wait_until(self, condition):
         """Handle messages until the condition holds; no time passes."""
         self._spin_until(self._pump, condition)
+
+    def _advance(self):
+        self.simulator.simulation.advance(round(1000 * self.period))
 
     def _answers(self):
         return self.simulator._commanded_at == self.world.time

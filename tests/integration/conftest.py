@@ -51,8 +51,8 @@ class Runner:
         With options, and what looks at other processes, runs in a process of its own.
         """
         timeout = options.pop('timeout', 120)
-        is_robot = arguments[:1] in (('go2',), ('mbot',), ('both',))
-        if options or not is_robot or 'PYTHONHASHSEED' in self._environment:
+        is_alone = arguments[:1] not in (('go2',), ('mbot',), ('both',), ('replay',))
+        if options or is_alone or 'PYTHONHASHSEED' in self._environment:
             done = programs.run(
                 [*WASD, *arguments],
                 env=self._environment,

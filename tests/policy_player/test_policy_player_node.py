@@ -22,6 +22,8 @@ JOINTS = tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh'
 THIGHS = [JOINTS.index(f'{leg}_thigh_joint') for leg in LEGS]
 # Of a thigh for each m/s that the network is told [rad].
 LEAN = 0.4
+# Of readings [s]: a network acts 50 times a second.
+PERIOD = 0.01
 
 
 @pytest.fixture
@@ -107,7 +109,7 @@ def test_a_network_refuses_readings_slower_than_its_period_in_a_line(ros, networ
 @pytest.fixture
 def rig(network, spawn, spin_until):
     """A Go2 that lies."""
-    made = Rig(spawn, spin_until, PolicyPlayerNode, 'go2', policy=network)
+    made = Rig(spawn, spin_until, PolicyPlayerNode, 'go2', period=PERIOD, policy=network)
     made.run(0.1)
     return made
 
@@ -201,7 +203,7 @@ def hoist(rig, holds):
 def test_node_by_node_a_g1_hangs_on_the_hoist_until_it_stands_and_is_raised_again(
     spawn, spin_until
 ):
-    rig = Rig(spawn, spin_until, PolicyPlayerNode, 'g1', {'hoist': True})
+    rig = Rig(spawn, spin_until, PolicyPlayerNode, 'g1', {'hoist': True}, PERIOD)
     start = rig.world.base().position[2]
     rig.run(1.0)  # limp
     assert rig.world.base().tilt < 0.1
