@@ -19,6 +19,9 @@ HOLD_PERIOD = 0.002
 
 # Of so many instants of a cycle of all tasks it is remembered which are due.
 CYCLE_REMEMBERED = 10_000
+# Physics goes on without a look at anything else for so many strides at most; a share of a stride
+# that is less is an error of rounding.
+MOST_STRIDES, EXACT = 100, 1e-6
 
 # A host that lags more than this [s] is not asked to catch up: the robot just runs slower.
 MAXIMUM_LAG = 0.1
@@ -60,14 +63,19 @@ class Simulation:
 
     def advance(self, steps: int) -> None:
         """Run tasks and physics for so many physics steps, whatever the wall time."""
-        stride, physics = self.schedule.stride, self.world.physics
         while steps > 0:
-            phase = physics.tick % stride
-            if phase == 0:
-                self.schedule.run_due(physics.tick)
-            run = min(steps, stride - phase)
-            physics.step(run)
-            steps -= run
+            steps -= self._advance_once(steps)
+
+    def _advance_once(self, most: int) -> int:
+        """Run what is due, and physics up to the next task; return how many steps of `most`."""
+        schedule, physics = self.schedule, self.world.physics
+        ahead = schedule.stride - physics.tick % schedule.stride
+        if ahead == schedule.stride:
+            schedule.run_due(physics.tick)
+            ahead = schedule.ahead(physics.tick)
+        ahead = min(ahead, most)
+        physics.step(ahead)
+        return ahead
 
     def run(
         self,
@@ -102,8 +110,10 @@ class Simulation:
                 poll(HOLD_PERIOD)
                 continue
             now = self.world.time
-            if pacer.allowed(wall, now) >= now + 0.5 * stride_time:
-                self.advance(stride if end is None else min(stride, end - physics.tick))
+            ahead = (pacer.allowed(wall, now) - now) / stride_time
+            if ahead >= 0.5:
+                most = stride * round(min(ahead, MOST_STRIDES))
+                self._advance_once(most if end is None else min(most, end - physics.tick))
             wall = time.monotonic()
             if wall - polled >= POLL_PERIOD:
                 polled = wall
@@ -126,12 +136,18 @@ class Schedule:
     def __init__(self, time_step: float) -> None:
         self._time_step = time_step
         self._tasks: list[tuple[int, Callable[[], None]]] = []
+        self._rests: list[Callable[[], float]] = []
+        self._tireless: set[int] = set()  # the periods of tasks that never rest
         self._stride = self._cycle = 1
         self._due: dict[int, list[Callable[[], None]]] = {}  # by how far a cycle of all has come
 
-    def every(self, period: float, task: Callable[[], None]) -> None:
+    def every(
+        self, period: float, task: Callable[[], None], rest: Callable[[], float] | None = None
+    ) -> None:
         """
         Add a task with a period [s].
+
+        `rest` returns for how long from now [s] the task would do nothing: it may be left out.
 
         Raises:
             SimulationError: the period is not a whole number of physics steps.
@@ -147,6 +163,10 @@ class Schedule:
         periods = [steps for steps, _ in self._tasks]
         self._stride, self._cycle = math.gcd(*periods), math.lcm(*periods)
         self._due.clear()
+        if rest is None:
+            self._tireless.add(steps)
+        else:
+            self._rests.append(rest)
 
     def at_rate(self, parameter: str, rate: float, task: Callable[[], None]) -> None:
         """
@@ -180,6 +200,19 @@ class Schedule:
     def stride(self) -> int:
         """Physics steps between two instants at which something may be due."""
         return self._stride
+
+    def ahead(self, step: int) -> int:
+        """Return how many steps after an instant the next one comes at which a task may act."""
+        stride = self._stride
+        strides = MOST_STRIDES
+        for period in self._tireless:
+            strides = min(strides, (period - step % period) // stride)
+        for rest in self._rests:
+            if strides == 1:
+                return stride
+            idle = max(rest() / (stride * self._time_step), 1.0)
+            strides = math.ceil(min(idle, strides) - EXACT)
+        return strides * stride
 
     def run_due(self, step: int) -> None:
         """Run what is due at a physics step."""

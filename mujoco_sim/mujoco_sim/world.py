@@ -634,6 +634,8 @@ def build_world(
     setup = setup or RobotSetup()
     spec = robot_spec(loaded, setup, visuals)
     add_scene(spec, world, seed)
+    # One robot is one island: to look for others takes 5 % of a step.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     add_boxes(spec, boxes)
     lead_sun(spec, loaded.robot.base)
     return World(spec, loaded.robot.base, seed, setup)

@@ -46,18 +46,26 @@ class OnnxNetwork:
         name, shape, kind = inputs[0]
         if kind != 'tensor(float)':
             raise PolicyError(f'input {name!r}: got {kind}, wanted tensor(float)')
-        self._output = _choose([end[0] for end in outputs])
-        self._input, self._shape = name, [size if isinstance(size, int) else 1 for size in shape]
-        self.takes = int(np.prod(self._shape))
-        self.gives = int(np.prod({end[0]: end[1] for end in outputs}[self._output]))
+        output = _choose([end[0] for end in outputs])
+        shown = [size if isinstance(size, int) else 1 for size in shape]
+        given = {end[0]: end[1] for end in outputs}[output]
+        self.takes, self.gives = int(np.prod(shown)), int(np.prod(given))
         model: bytes | str = str(file.path) if file.external else file.data
         self._session = first_look.open_session(model)
+        # Its memory is ours, which saves a third of the time of a small network.
+        self._shown, self._action = np.zeros(self.takes, np.float32), np.zeros(given, np.float32)
+        self._bound = self._session.io_binding()
+        for bind, end, memory, ends in (
+            (self._bound.bind_input, name, self._shown, shown),
+            (self._bound.bind_output, output, self._action, given),
+        ):
+            bind(end, 'cpu', 0, np.float32, ends, memory.ctypes.data)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Return the action for an observation."""
-        shown = observation.astype(np.float32, copy=False).reshape(self._shape)
-        (action,) = self._session.run([self._output], {self._input: shown})
-        return np.asarray(action).reshape(-1)
+        self._shown[:] = observation
+        self._session.run_with_iobinding(self._bound)
+        return self._action.reshape(-1).copy()
 
 
 def _choose(outputs: Sequence[str]) -> str:

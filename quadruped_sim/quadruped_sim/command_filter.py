@@ -90,6 +90,7 @@ class CommandFilter:
         )
         self._age.timeout = params.timeout
         self._request = self._clamped(*self._request.tolist())
+        self._asked: tuple[float, float, float] | None = None  # what the request was clamped from
 
     def _bounds(self, gait: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the limits (4,) in a gait and the half axes (3,) of its ellipsoid."""
@@ -99,7 +100,7 @@ class CommandFilter:
 
     def reset(self) -> None:
         """Rest, as if no request had ever come."""
-        self._request = np.zeros(3)
+        self._request, self._asked = np.zeros(3), None
         self.command = np.zeros(3)
         self.grip = 1.0
         self.most = math.inf  # the speed that the ground ahead allows [m/s]
@@ -132,7 +133,8 @@ class CommandFilter:
         if not (math.isfinite(vx) and math.isfinite(vy) and math.isfinite(yaw_rate)):
             self.refused += 1
             return f'velocity command refused: not finite: ({vx}, {vy}, {yaw_rate})'
-        self._request = self._clamped(vx, vy, yaw_rate)
+        if (vx, vy, yaw_rate) != self._asked:  # sticks ask for the same again and again
+            self._request, self._asked = self._clamped(vx, vy, yaw_rate), (vx, vy, yaw_rate)
         self._age.hear()
         self._is_new = True
         return None

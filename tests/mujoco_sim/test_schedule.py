@@ -39,6 +39,24 @@ def test_the_stride_leads_from_one_instant_to_the_next(schedule, periods, stride
     assert schedule.stride == stride == (math.gcd(*(round(1000 * p) for p in periods)) or 1)
 
 
+@pytest.mark.parametrize(
+    ('rests', 'ahead'),
+    [
+        ((0.0,), 2),
+        ((-math.inf,), 2),
+        ((0.0041,), 6),
+        ((0.006,), 6),
+        ((1.0,), 18),
+        ((1.0, 0.004), 4),
+    ],
+)
+def test_instants_in_which_all_tasks_rest_are_left_out(schedule, rests, ahead):
+    for rest in rests:
+        schedule.every(0.002, lambda: None, lambda rest=rest: rest)
+    schedule.every(0.02, lambda: None)
+    assert schedule.ahead(2) == ahead
+
+
 @pytest.mark.parametrize('period', [1 / 60, 0.0005, 0.0, 0.0015, -0.001])
 def test_a_period_between_physics_steps_is_refused(schedule, period):
     with pytest.raises(SimulationError, match='multiple of the physics step 0.001 s, got'):

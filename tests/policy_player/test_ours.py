@@ -5,7 +5,12 @@ import numpy as np
 from policy_player.policy_file import OWN, read_policy
 from policy_player.usual import oddities
 import pytest
+from teleop_keyboard.key_script import parse_key_script
 import wasd
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
+
+from mujoco_sim import simulation
 
 pytest.importorskip('onnxruntime')
 
@@ -54,3 +59,24 @@ def test_it_walks_turns_takes_a_push_and_gives_way_to_the_legs_while_it_moves():
     dog.run(1.5)
     assert dog.state == 'passive'
     assert dog.truth.tilt < 0.5
+
+
+@pytest.mark.slow
+def test_instants_in_which_nobody_acts_are_left_out_without_changing_a_bit(monkeypatch):
+    keys = tuple(parse_key_script('0.1 2\n2.6 p\n3.8 w*5\n4.404 a', 'keys'))
+    samples = []
+    for most in (1, simulation.MOST_STRIDES):
+        monkeypatch.setattr(simulation, 'MOST_STRIDES', most)
+        options = RunOptions(
+            robot='go2', description='go2', preset='unitree', policy='ours', keys=keys, speed=0.0
+        )
+        run, seen = Run(options), set()
+        step = run.world.physics.step
+        monkeypatch.setattr(
+            run.world.physics, 'step', lambda n, step=step, seen=seen: (seen.add(n), step(n))
+        )
+        run.simulation.advance(5000)
+        assert (max(seen) == 10) == (most > 1)
+        samples.append(run.report()['samples'])
+        run.close()
+    assert samples[0] == samples[1]

@@ -110,6 +110,10 @@ class Sensors:
                 _tell(now, sensor.measure(wanted, self._random(index, beat.number)), wanted)
         self._idle_until = self._next_beat()
 
+    def rest(self) -> float:
+        """Return for how long from now [s] nothing is due."""
+        return self._idle_until - self._world.time
+
     def _next_beat(self) -> float:
         """Return a time [s] up to which nothing is due; -infinity while a sensor turns."""
         if any(one.turns and cast(Turning, one.sensor).is_turning for one in self._sensors):

@@ -218,7 +218,7 @@ class RosFaces(Face):
 
     def handle(self, timeout: float) -> None:
         """Take messages, waiting for them up to `timeout` [s]."""
-        self._set(self._idle_clocks)
+        self._set([*self._clocks, *self._idle_clocks])
         self._pump.handle(timeout)
 
     def save(self) -> None:

@@ -82,7 +82,7 @@ class Go2(Robot):
         self.notice = self.legs.notice
         self._trunk = TrunkWatch()
         self.outside: Outside | None = None
-        self._waited = 0.0  # since the last step of control [s]
+        self._stepped = self._before_now()  # the tick of the last step of control
         self.elevation = RobotElevation(self)
         mapper = self.elevation.mapper
         if options.eyes and mapper is None:
@@ -245,7 +245,7 @@ class Go2(Robot):
 
     def control(self) -> None:
         """Step the controller on the present state, and give its command to the world."""
-        world, dt, self._waited = self.world, self._waited, 0.0
+        world, dt, self._stepped = self.world, self._waited(), self.world.tick
         truth = world.base_since_start() if self.options.estimator == 'truth' else None
         if self.outside is not None:
             self.outside.step(dt)
@@ -255,9 +255,22 @@ class Go2(Robot):
         self.elevation.step()
 
     def _timed_control(self) -> None:
-        self._waited += self.period
-        if self.outside is not None or self.legs.controller.is_due(self._waited):
+        if self.outside is not None or self.legs.controller.is_due(self._waited()):
             super()._timed_control()
+
+    def _before_now(self) -> int:
+        return self.world.tick - round(self.period / self.world.time_step)
+
+    def _waited(self) -> float:
+        return (self.world.tick - self._stepped) * self.world.time_step
+
+    def _rest(self) -> float:
+        if self.outside is not None:
+            return 0.0
+        is_due, waited, rest = self.legs.controller.is_due, self._waited(), self.period
+        while not is_due(waited + rest):
+            rest += self.period
+        return rest
 
     def stop(self) -> None:
         """Command standstill, now and in the last message on cmd_vel, until the next key."""
@@ -266,7 +279,7 @@ class Go2(Robot):
 
     def reset(self) -> None:
         """Forget the past: state, estimate, commands."""
-        self._trunk, self._waited = TrunkWatch(), 0.0
+        self._trunk, self._stepped = TrunkWatch(), self._before_now()
         self.legs.reset()
         super().reset()
 

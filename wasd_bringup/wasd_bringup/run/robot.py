@@ -318,6 +318,11 @@ class Robot(ABC):
             for push in self._pushes.due(now):
                 self.world.push(push.force, push.duration, push.point)
 
+    @property
+    def next_push(self) -> float:
+        """The simulated time of the next push [s]; infinity after the last."""
+        return self._pushes.next_time
+
     def schedule_control(self, schedule: Schedule) -> None:
         """Step scripts, keys and controller on a schedule, in this order."""
         if self.options.twists is not None:
@@ -327,14 +332,15 @@ class Robot(ABC):
         if self.logic is not None:
             logic, period = self.logic, 1.0 / self.logic.rate
             schedule.every(period, lambda: self._step_keys(logic, period))
-        schedule.every(self.period, self._timed_control)
+        schedule.every(self.period, self._timed_control, self._rest)
 
     def schedule_sensing(self, schedule: Schedule) -> None:
         """Measure and sample on a schedule, after all controllers."""
         # In any case: noise must not depend on who is told of it.
         schedule.every(1.0 / SHOWN_RATE, self._read)
         # As often as possible without making physics stop more often.
-        schedule.every(schedule.stride * self.world.time_step, self.sensors.step)
+        stride = schedule.stride * self.world.time_step
+        schedule.every(stride, self.sensors.step, self.sensors.rest)
         schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.sample()))
 
     def report(self, wall_time: float, **parts: Any) -> dict[str, Any]:
@@ -413,6 +419,10 @@ class Robot(ABC):
 
     def _read(self) -> None:
         self.world.read()
+
+    def _rest(self) -> float:
+        """Return for how long from now [s] the controller has nothing to do."""
+        return 0.0
 
     def _timed_control(self) -> None:
         started = time.perf_counter()

@@ -340,7 +340,8 @@ class Run:
         self._commands = Player(options.commands or ())
         self._boxes = BoxPlayer(options.boxes, self.world.boxes.put)
         self._next_event = -math.inf
-        schedule.every(min(robot.period for robot in self.robots), self._begin_instant)
+        period = min(robot.period for robot in self.robots)
+        schedule.every(period, self._begin_instant, self._rest)
         schedule.every(1.0 / TWIST_RATE, self._look_who_drives)
         for driver in self._drivers:
             schedule.every(1.0 / TWIST_RATE, driver.repeat)
@@ -359,6 +360,11 @@ class Run:
             robot.begin_instant(instant)
         if instant >= self._next_event:
             self._play(instant)
+
+    def _rest(self) -> float:
+        """Return for how long from now [s] no script has anything to do."""
+        events = (self._next_event, *(robot.next_push for robot in self.robots))
+        return min(events) - self.world.time
 
     def _play(self, instant: float) -> None:
         """Do what scripts say is due at a simulated time [s]."""
