@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Remembers what our own descriptions expand to, for whoever loads a robot.
+Remembers what our own descriptions expand to, and what they are, for whoever loads a robot.
 
-Each expansion is a fork, up to a tenth of a second of a processor where everything is loaded, and
-tests load the same two robots some thousand times. Lint, and tests of expanding,
-expand by themselves; so does every program that is started from the beginning.
+Each expansion is a fork, up to a tenth of a second of a processor where everything is loaded, to
+parse it takes as long again, and tests load the same two robots some thousand times. Lint, and
+tests of expanding, expand by themselves; so does every program that is started from the beginning.
 """
 
 from collections.abc import Callable
@@ -26,6 +26,7 @@ def remember() -> None:
     description: Any = sys.modules.get('robot_description.description')
     if description and not hasattr(description.expand_document, '__wrapped__'):
         description.expand_document = _remembering(description.expand_document)
+        description.parse_description = _parsing_once(description.parse_description)
 
 
 def _remembering(expand: Callable[..., Any]) -> Callable[..., Any]:
@@ -44,6 +45,21 @@ def _remembering(expand: Callable[..., Any]) -> Callable[..., Any]:
         return expansion
 
     return expand_once
+
+
+def _parsing_once(parse: Callable[..., Any]) -> Callable[..., Any]:
+    known: dict[Any, Any] = {}
+
+    @functools.wraps(parse)
+    def parse_once(urdf: str, path: Path, search: Any = ()) -> Any:
+        if not path.resolve().is_relative_to(OURS):
+            return parse(urdf, path, search)
+        key = (urdf, path, tuple(search), tuple(map(os.environ.get, PLACES)))
+        if key not in known:
+            known[key] = parse(urdf, path, search)
+        return known[key]  # frozen
+
+    return parse_once
 
 
 def _stamp(file: Path) -> tuple[int, int] | None:

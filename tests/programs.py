@@ -69,8 +69,11 @@ def _server() -> 'subprocess.Popen[str]':
 
 def serve(requests: Any, answers: Any) -> None:
     """Run what each line asks for, as a program of its own would, and answer by a line."""
+    import expansions
+    import robot_description.description  # noqa: F401
     from wasd_bringup.cli import main
 
+    expansions.remember()
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     streams = sys.stdout, sys.stderr
     for line in requests:

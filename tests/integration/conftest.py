@@ -42,7 +42,7 @@ class Runner:
     def __init__(self, folder: Path, environment: dict[str, str]) -> None:
         self.folder = folder
         self.said = ''
-        self._environment = environment
+        self.environment = environment
 
     def __call__(self, *arguments: str, **options: Any) -> 'subprocess.CompletedProcess[str]':
         """
@@ -52,10 +52,10 @@ class Runner:
         """
         timeout = options.pop('timeout', 120)
         is_alone = arguments[:1] not in (('go2',), ('mbot',), ('both',), ('replay',))
-        if options or is_alone or 'PYTHONHASHSEED' in self._environment:
+        if options or is_alone or 'PYTHONHASHSEED' in self.environment:
             done = programs.run(
                 [*WASD, *arguments],
-                env=self._environment,
+                env=self.environment,
                 cwd=self.folder,
                 text=True,
                 start_new_session=True,
@@ -63,19 +63,19 @@ class Runner:
                 **{'stdin': subprocess.DEVNULL, **options},
             )
         else:
-            done = programs.run_wasd(arguments, self.folder, self._environment)
+            done = programs.run_wasd(arguments, self.folder, self.environment)
         self.said = done.stderr
         return done
 
     def anew(self) -> 'Runner':
         """Return a Runner whose runs share nothing, not even the order of sets."""
-        return Runner(self.folder, {**self._environment, 'PYTHONHASHSEED': 'random'})
+        return Runner(self.folder, {**self.environment, 'PYTHONHASHSEED': 'random'})
 
     def start(self, *arguments: str, **options: Any) -> 'subprocess.Popen[str]':
         """Start with arguments and do not wait; nothing is captured unless asked for."""
         return programs.start(
             [*WASD, *arguments],
-            env=self._environment,
+            env=self.environment,
             cwd=self.folder,
             text=True,
             start_new_session=True,

@@ -2,6 +2,7 @@
 """`wasd topics`, `echo`, `hz`, `pub`, `call` and `params` against a robot in another process."""
 
 from collections.abc import Callable, Iterator
+import json
 import re
 import signal
 import subprocess
@@ -192,14 +193,30 @@ WRONG = {
 }
 
 
+# Runs one command after the other; says how each ended, and what it said.
+EACH = """
+import contextlib, io, json, sys
+from wasd_bringup.cli import main
+for words in map(json.loads, sys.argv[1:]):
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        status = main(words)
+    print(json.dumps([status, said.getvalue()]))
+"""
+
+
 def test_what_is_wrong_is_said_in_one_line(robot: Any, ask: Ask) -> None:
-    processes = {words: robot.start(*words, stderr=subprocess.PIPE) for words in WRONG}
-    for words, process in processes.items():
-        _, said = process.communicate(timeout=30.0)
-        assert process.returncode == 2, words
+    process = programs.start(
+        [sys.executable, '-c', EACH, *map(json.dumps, WRONG)],
+        env=robot.environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    answers = [json.loads(line) for line in process.communicate(timeout=60.0)[0].splitlines()]
+    for (words, reason), (status, said) in zip(WRONG.items(), answers, strict=True):
+        assert status == 2, words
         assert len(said.splitlines()) == 1, said
         assert said.startswith('error: ')
-        assert WRONG[words] in said
+        assert reason in said
 
 
 def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
