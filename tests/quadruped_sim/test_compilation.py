@@ -112,7 +112,7 @@ def users_of(folder: Path) -> list[int]:
     return found
 
 
-@pytest.fixture(params=['leg_controller', 'wasd'])
+@pytest.fixture
 def compiling(request, tmp_path):
     """A program that walks the Go2 for the first time, with what it says, as it compiles."""
     module, arguments = {
@@ -141,7 +141,9 @@ def compiling(request, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('number', 'status'), [(signal.SIGINT, 0), (signal.SIGTERM, 128 + signal.SIGTERM)]
+    ('compiling', 'number', 'status'),
+    [('leg_controller', signal.SIGTERM, 128 + signal.SIGTERM), ('wasd', signal.SIGINT, 0)],
+    indirect=['compiling'],
 )
 def test_a_signal_ends_the_compilation_at_once(number, status, compiling):
     process, said, cache = compiling

@@ -27,6 +27,7 @@ PROGRAMS = Path(__file__).parents[1] / 'unitree_sdk_programs.py'
 # Said by the SDK, or by Cyclone, of a message that it cannot read.
 COMPLAINTS = ('deserializ', '[Reader]', '[Writer]', 'raise exception', 'Traceback')
 BUSY = 'while True: pass'
+RUN = ('go2', '--interface', 'unitree', '--viewer', 'none', '--duration', '600')
 
 
 @pytest.fixture
@@ -106,8 +107,8 @@ def test_every_call_of_the_sport_client_is_answered_and_programs_come_and_go(sim
     assert process.poll() is None
 
 
-def test_a_program_stands_and_moves_it_by_the_sport_service(simulate, program):
-    simulate()
+def test_a_program_stands_and_moves_the_robot_of_a_run_by_the_sport_service(simulate, program):
+    simulate(*RUN, module='wasd_bringup.cli')
     seen = program('sport')
     assert seen['version'] == [0, '1.0.0.1']
     assert seen['code'] == 0
@@ -116,13 +117,9 @@ def test_a_program_stands_and_moves_it_by_the_sport_service(simulate, program):
     assert max(map(abs, seen['velocity'])) < 0.1
 
 
-@pytest.mark.parametrize(
-    ('options', 'name'), [((), 'sport'), (('--no-ros', '--sync'), 'stand_by_motors')]
-)
-def test_it_is_the_same_of_a_run_of_wasd(options, name, simulate, program):
-    words = ('go2', '--interface', 'unitree', '--viewer', 'none', '--duration', '600')
-    simulate(*words, *options, module='wasd_bringup.cli')
-    assert program(name)['height'] > 0.3
+def test_a_program_stands_the_robot_of_a_run_without_ros_by_its_motors(simulate, program):
+    simulate(*RUN, '--no-ros', '--sync', module='wasd_bringup.cli')
+    assert program('stand_by_motors')['height'] > 0.3
 
 
 def test_in_sync_a_busy_machine_changes_no_sample(simulate, program):
