@@ -47,9 +47,10 @@ class Player:
         self.failure = ''
         self._targets = self._towards(self.action)
 
-    def is_due(self, dt: float) -> bool:
-        """Whether a step `dt` [s] after the one before would ask the network."""
-        return self._wait - dt <= _ALMOST * self.spec.period and not self.failure
+    @property
+    def rest(self) -> float:
+        """How long after the last step the next one asks the network [s]."""
+        return math.inf if self.failure else self._wait
 
     def step(self, senses: Senses, command: np.ndarray, dt: float) -> JointTargets:
         """
@@ -57,9 +58,8 @@ class Player:
 
         When the output of the network is not a number, targets stay and `failure` says so.
         """
-        is_due = self.is_due(dt)
         self._wait -= dt
-        if not is_due:
+        if self.rest > _ALMOST * self.spec.period:
             return self._targets
         # After a step that came a whole period late, the time counts from now.
         late = self._wait if self._wait > -self.spec.period else 0.0

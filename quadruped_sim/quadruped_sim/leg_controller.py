@@ -338,12 +338,12 @@ class LegController:
         """Go passive at once."""
         self._let_go(reason)
 
-    def is_due(self, dt: float) -> bool:
-        """Whether to `step`, `dt` [s] after the last time; motors hold the last command else."""
-        machine = self._machine
-        if machine.state is not StateName.POLICY or machine.coming is not StateName.POLICY:
-            return True
-        return self._entered is not StateName.POLICY or self._policy.is_due(dt)
+    @property
+    def rest(self) -> float:
+        """How long after the last step the next one is due [s]; motors hold the command."""
+        machine, policy = self._machine, StateName.POLICY
+        walks = machine.state is policy and machine.coming is policy and self._entered is policy
+        return self._policy.rest if walks else 0.0
 
     def step(self, reading: Reading, dt: float, truth: BaseState | None = None) -> JointCommand:
         """Joint command for this reading of leg angles, `dt` [s] after the one before."""

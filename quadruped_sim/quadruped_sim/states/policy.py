@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A walker from outside, as a neural network, in place of the gait: key p."""
 
-from collections.abc import Callable
 import math
 from typing import Protocol
 
@@ -36,8 +35,8 @@ class Walker(Protocol):
     A controller that walks in place of the gait; joints are in its own order.
 
     `default` (n,) is the pose in which it begins [rad]. `ranges` are those of the velocities that
-    it knows, or None. `failure` is '' while all is well. A walker may have `is_due(dt)`: while
-    that says no, nobody steps it, its targets stay, and `dt` counts from its last step.
+    it knows, or None. `failure` is '' while all is well. A walker may have `rest`, how long
+    after its last step [s] the next one is due: nobody steps it before, and its targets stay.
     """
 
     joints: tuple[str, ...]
@@ -90,7 +89,6 @@ class Policy(Trotting):
         self._theirs = np.array([names.index(name) for name in walker.joints])
         self._ours = np.argsort(self._theirs)
         self._sign, self._zero = quadruped.sign, quadruped.zero
-        self._is_due: Callable[[float], bool] = getattr(walker, 'is_due', lambda dt: True)
         self._low, self._high = -np.full(3, np.inf), np.full(3, np.inf)
         if walker.ranges is not None:
             self._low, self._high = np.array(walker.ranges).T
@@ -116,11 +114,14 @@ class Policy(Trotting):
         self._behind = [0.0, 0.0, 0.0]  # for how long a command has not been followed [s]
         self._is_told = [False, False, False]
 
-    def is_due(self, dt: float) -> bool:
-        """Whether to `step`, `dt` [s] after the last time: targets stay while the walker waits."""
-        if self._held is None or dt > LOOK_PERIOD - ROUNDING:
-            return True
-        return self._is_due(self._waited + dt)
+    @property
+    def rest(self) -> float:
+        """How long after the last step the next one is due [s]: targets stay meanwhile."""
+        return 0.0 if self._held is None else min(self._walker_rest - self._waited, LOOK_PERIOD)
+
+    @property
+    def _walker_rest(self) -> float:
+        return getattr(self._walker, 'rest', 0.0)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
         """Go to the pose, or have the walker walk."""
@@ -131,7 +132,7 @@ class Policy(Trotting):
             return stiff_command(self._parts.model, pose)
         _find_trust(self.trust, robot.flat, dt)
         self._waited += dt
-        if self._held is None or self._is_due(self._waited):
+        if self._held is None or self._waited > self._walker_rest - ROUNDING:
             self._held = self._walk(robot, self._waited)
             self._waited = 0.0
         return self._held

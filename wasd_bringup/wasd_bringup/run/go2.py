@@ -22,7 +22,7 @@ from teleop_keyboard.keymap import on_layout, on_qwerty
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.rotations import yaw_of
-from wasd_core.timing import is_press, STOP_KEY
+from wasd_core.timing import is_press, ROUNDING, STOP_KEY
 
 from wasd_bringup.robots import unitree_first_keys, unitree_help, UNITREE_PRESET
 from wasd_bringup.run.elevation import RobotElevation
@@ -255,7 +255,7 @@ class Go2(Robot):
         self.elevation.step()
 
     def _timed_control(self) -> None:
-        if self.outside is not None or self.legs.controller.is_due(self._waited()):
+        if self._rest() < ROUNDING:
             super()._timed_control()
 
     def _before_now(self) -> int:
@@ -265,12 +265,7 @@ class Go2(Robot):
         return (self.world.tick - self._stepped) * self.world.time_step
 
     def _rest(self) -> float:
-        if self.outside is not None:
-            return 0.0
-        is_due, waited, rest = self.legs.controller.is_due, self._waited(), self.period
-        while not is_due(waited + rest):
-            rest += self.period
-        return rest
+        return 0.0 if self.outside is not None else self.legs.controller.rest - self._waited()
 
     def stop(self) -> None:
         """Command standstill, now and in the last message on cmd_vel, until the next key."""
