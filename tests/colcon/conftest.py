@@ -73,21 +73,6 @@ class Workspace:
             command, cwd=folder, env=self._environment, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stdout + done.stderr
-        self._take_compiled()
-
-    def _take_compiled(self) -> None:
-        """Have what the checkout has compiled: minutes less. Copies lack parts of a second."""
-        for package in ROOT.glob('*_*/*_*/'):
-            for site in self.install.glob(f'{package.parent.name}/lib/python*/site-packages'):
-                copy = site / package.name
-                for path in package.rglob('*.py') if copy.is_dir() else ():
-                    times = path.stat().st_atime_ns, path.stat().st_mtime_ns
-                    os.utime(copy / path.relative_to(package), ns=times)
-                for path in package.rglob('__pycache__/*') if copy.is_dir() else ():
-                    if path.suffix in ('.nbi', '.nbc'):
-                        target = copy / path.relative_to(package)
-                        target.parent.mkdir(exist_ok=True)
-                        shutil.copy2(path, target)
 
     def run(self, *command: str) -> 'subprocess.CompletedProcess[str]':
         """Run a command to its end."""
