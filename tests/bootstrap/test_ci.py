@@ -39,8 +39,8 @@ class Ci:
         for tool in [*TOOLS.split(), 'mv']:
             (self.tools / tool).symlink_to(shutil.which(tool) or pytest.skip(f'no {tool}'))
         text = (ROOT / '.ci/run').read_text()
-        assert 'LEISURE=2100\n' in text
-        (self.folder / '.ci/run').write_text(text.replace('LEISURE=2100\n', 'LEISURE=3\n'))
+        assert 'LEISURE=3600\n' in text
+        (self.folder / '.ci/run').write_text(text.replace('LEISURE=3600\n', 'LEISURE=3\n'))
         for name, text in (('wasd', WASD), ('.venv/bin/python', '#!/bin/sh\n')):
             (self.folder / name).write_text(text)
             (self.folder / name).chmod(0o755)
