@@ -112,7 +112,7 @@ class Simulation:
             now = self.world.time
             ahead = (pacer.allowed(wall, now) - now) / stride_time
             if ahead >= 0.5:
-                most = stride * round(min(ahead, MOST_STRIDES))
+                most = stride * math.floor(min(ahead + 0.5, MOST_STRIDES))
                 self._advance_once(most if end is None else min(most, end - physics.tick))
             wall = time.monotonic()
             if wall - polled >= POLL_PERIOD:
