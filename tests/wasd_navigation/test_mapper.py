@@ -190,3 +190,22 @@ def test_who_turns_where_it_has_been_often_adds_few_places() -> None:
             counts.append(len(mapper.places))
     assert counts[-1] - counts[-81] <= 10
     assert np.hypot(*(mapper.pose - pose)[:2]) < 0.01
+
+
+def test_a_map_holds_no_more_when_the_robot_drives_on_where_all_is_known(monkeypatch) -> None:
+    """Circles beside each other, each at other places: what is kept of them is limited."""
+    monkeypatch.setattr('wasd_navigation.mapping.mapper.MOST_OF_FEW', 30)
+    monkeypatch.setattr('wasd_navigation.mapping.mapper.MOST_PLACES', 1.0)
+    monkeypatch.setattr('wasd_navigation.mapping.mapper.MANY', 1000)
+    mapper, random, held, count = Mapper(), np.random.default_rng(12), [], 0
+    for turn in range(12):
+        off = 0.25 * np.array((np.cos(turn), np.sin(turn), 0.0))
+        for pose in circle(80)[:40] + off:
+            count += 1
+            mapper.step(look(pose, random), pose, count * 1e-6 * np.eye(3))
+            assert np.hypot(*(mapper.pose - pose)[:2]) < 0.02
+        held.append(len(mapper.session.scans))
+    assert len(mapper.places) > 80
+    # Those that scans are matched against, the last 25, are not merged.
+    assert max(held) <= 30 + 25
+    assert held[-1] <= held[6]

@@ -21,7 +21,7 @@ from wasd_navigation.mapping.search import Pyramid, Search, Window
 from wasd_navigation.mapping.surface import find_surface, Noise, RangeNoise
 from wasd_navigation.odometry import add_covariance, OdometryGrowth
 from wasd_navigation.records import Grid, Scan
-from wasd_navigation.se2 import compose, inverse, transform
+from wasd_navigation.se2 import compose, inverse, is_definite, transform
 
 NOISE = Noise(0.012, 0.0)
 NOTHING = Scan(np.zeros(2), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
@@ -338,6 +338,8 @@ def test_cells_of_a_wall_are_right_however_noisy_far_ranges_are() -> None:
 
 def test_what_is_known_twice_of_a_pair_is_one_edge_with_the_mean() -> None:
     places = Places()
+    for _ in range(3):
+        places.add(NOTHING, find_surface(NOTHING, NOISE), np.zeros(3))
     first, second = np.array((1.0, 0.0, 3.1)), np.array((1.3, 0.0, -3.1))
     places.link((0, 1), first, np.diag((2.0, 1.0, 1.0)), sure=False)
     places.link((0, 1), second, np.diag((1.0, 1.0, 1.0)), sure=False)
@@ -368,3 +370,56 @@ def test_what_is_seen_twice_of_a_place_is_joined_in_its_frame() -> None:
     assert fit.share > 0.95
     assert np.abs(fit.pose).max() < 0.01
     assert places.visits == [2]
+
+
+def _edges_fit(places: Places) -> bool:
+    """Whether all edges say what poses do."""
+    edges, poses = places.edges(), places.poses[places.held]
+    return all(
+        np.abs(compose(inverse(compose(poses[first], edge)), poses[second])).max() < 1e-9
+        for (first, second), edge in zip(edges.pairs, edges.poses, strict=True)
+    )
+
+
+def test_a_place_that_is_merged_leaves_its_links_and_what_was_seen_to_the_other() -> None:
+    random, places = np.random.default_rng(0), Places()
+    poses = np.array(((0.5, 0.0, 0.3), (1.0, 0.4, 2.0), (0.6, 0.1, -1.0), (1.5, -0.5, 0.1)))
+    for pose in poses:
+        scan = look(pose, random)
+        places.add(scan, find_surface(scan, NOISE), pose)
+    known = np.diag((4e4, 9e4, 1e5)) + 1e3
+    for pair in ((0, 1), (1, 2), (2, 3), (0, 2)):
+        step = compose(inverse(poses[pair[0]]), poses[pair[1]])
+        places.link(pair, step, known, sure=pair[1] == pair[0] + 1)
+    last = places.scan(2)
+    places.merge(2, 0)
+    assert places.held.tolist() == [0, 1, 3]
+    assert places.scan(2) is None
+    drawn = places.scan(0)
+    assert transform(poses[0], drawn.ends) == pytest.approx(
+        transform(poses[2], last.ends), abs=1e-5
+    )
+    # (1, 2) is (1, 0) now, (2, 3) is (0, 3), and (0, 2) has gone.
+    edges = places.edges()
+    assert sorted(map(tuple, edges.pairs.tolist())) == [(0, 1), (0, 2), (1, 0)]
+    assert not edges.robust.any()
+    assert _edges_fit(places)
+    for information in edges.informations:
+        assert is_definite(information)
+    # What is known has become a little less, as by some millimetres.
+    assert np.trace(edges.informations[edges.pairs[:, 1] == 2][0]) < np.trace(known)
+
+
+def test_a_merged_place_stays_where_it_was_in_the_other_however_that_moves() -> None:
+    random, places = np.random.default_rng(0), Places()
+    poses = np.array(((0.5, 0.0, 0.3), (0.6, 0.1, -1.0), (0.7, 0.1, 3.0)))
+    for pose in poses:
+        scan = look(pose, random)
+        places.add(scan, find_surface(scan, NOISE), pose)
+    places.merge(2, 1)
+    places.merge(1, 0)
+    shift = np.array((1.0, -2.0, 1.5))
+    places.poses[0] = compose(shift, poses[0])
+    places.follow()
+    for pose, was in zip(places.poses, poses, strict=True):
+        assert np.abs(compose(inverse(pose), compose(shift, was))).max() < 1e-9

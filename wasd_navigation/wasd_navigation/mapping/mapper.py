@@ -42,6 +42,13 @@ MOST_VISITS = 8
 # How well the robot's pose there is known before a scan is fitted: deviations [m], [rad].
 SAME_PRIOR = np.diag((1.0 / 0.03**2, 1.0 / 0.03**2, 1.0 / 0.015**2))
 SLIGHT = np.diag((1.0, 1.0, 1.0))  # information: a metre, a radian
+# So many places are kept of each square metre that is known, or in all; of more, two that are near
+# each other and within this of the robot become one [1/m^2], [m].
+MOST_PLACES, MOST_OF_FEW, MERGE_REACH = 2.5, 350, 3.0
+# So many at most at once.
+MERGES = 2
+# A turn between two is as far as so much way [m/rad].
+SAME_ARM = 0.1
 # What is seen of a place is drawn again after so many scans.
 LOOK_AGAIN = 5
 # What is not known of the way on which somebody has carried it [m^2], [rad^2].
@@ -85,6 +92,7 @@ class Mapper:
         self._since = np.zeros((3, 3))  # covariance of the pose since the last place
         self._wants_loop = False
         self._unsolved = 0
+        self._solving = np.zeros(0, np.int64)  # numbers of the places that are solved for
         self._misfits = 0
         self._share = 1.0  # of the last scan that has fitted
         self._left_in = 1.0  # of the last scan's hits, without those on who has come
@@ -183,8 +191,9 @@ class Mapper:
         """All that is known, to go on with another day."""
         places = self._places
         resolution, share = self._parameters.resolution, self._noise.share
-        scans = [places.scan(number) for number in range(len(places))]
-        return Session(places.poses.copy(), scans, places.edges(), resolution, share)
+        held = places.held
+        scans = [scan for number in held if (scan := places.scan(number)) is not None]
+        return Session(places.poses[held], scans, places.edges(), resolution, share)
 
     def take_session(self, session: Session) -> None:
         """Know what was known once, in place of what is now."""
@@ -282,8 +291,9 @@ class Mapper:
 
     def _nearest(self, pose: np.ndarray) -> np.ndarray:
         """Return the numbers of the places nearest to a pose, in their order."""
-        away = np.hypot(*(self._places.poses[:, :2] - pose[:2]).T)
-        near = np.argsort(away, kind='stable')[: self._parameters.scan_buffer_size]
+        held = self._places.held
+        away = np.hypot(*(self._places.poses[held, :2] - pose[:2]).T)
+        near = held[np.argsort(away, kind='stable')[: self._parameters.scan_buffer_size]]
         return np.sort(near)
 
     def _is_back(self, surface: Surface) -> bool:
@@ -304,7 +314,9 @@ class Mapper:
         is_same = np.count_nonzero((away < reach) & (turned < SAME_TURN)) >= ENOUGH
         if not (is_same or is_known):
             return False
-        nearest = int(np.argmin(away))
+        held = places.held
+        held = held[held < count]
+        nearest = int(held[np.argmin(away[held])])
         near = self._nearest(pose)
         places.show(self._old, pose[:2], near)
         noise = self._parameters.range_noise
@@ -376,6 +388,25 @@ class Mapper:
         self._show()
         self._drawing.add_last(places, self._noise.noise)
         self._wants_loop = number % self._parameters.loop_every == 0
+        self._merge()
+
+    def _merge(self) -> None:
+        """Merge those places near by that are nearest to each other, while there are too many."""
+        places, held = self._places, self._places.held
+        most = max(MOST_OF_FEW, MOST_PLACES * self._drawing.area)
+        for _ in range(min(MERGES, len(held) - int(most))):
+            held = places.held
+            away = np.hypot(*(places.poses[held, :2] - self.pose[:2]).T)
+            near = held[(away < MERGE_REACH) & ~np.isin(held, self._recent)]
+            if len(near) < 2:
+                return
+            apart = places.poses[near, None] - places.poses[None, near]
+            turns = (apart[:, :, 2] + math.pi) % (2.0 * math.pi) - math.pi
+            apart[:, :, 2] = SAME_ARM * turns
+            squares = (apart * apart).sum(axis=2)
+            squares[np.tril_indices(len(near))] = np.inf
+            older, newer = np.unravel_index(int(squares.argmin()), squares.shape)
+            places.merge(int(near[newer]), int(near[older]))
 
     def _show(self) -> None:
         """Draw places into the local map: the last, or those around where it was found again."""
@@ -386,15 +417,16 @@ class Mapper:
         """See whether the last place lies where the robot was long ago, and link the two."""
         places, number = self._places, len(self._places) - 1
         pose = places.poses[number]
-        count = number + 1 - self._parameters.scan_buffer_size
-        if count < 1:
+        held = places.held
+        held = held[held < number + 1 - self._parameters.scan_buffer_size]
+        if not len(held):
             return
-        away = np.hypot(*(places.poses[:count, :2] - pose[:2]).T)
-        nearest = int(np.argmin(away))
-        if away[nearest] > self._parameters.loop_search_maximum_distance:
+        away = np.hypot(*(places.poses[held, :2] - pose[:2]).T)
+        if away.min() > self._parameters.loop_search_maximum_distance:
             return
+        nearest = int(held[away.argmin()])
         size = self._parameters.loop_match_minimum_chain_size
-        around = np.sort(np.argsort(away, kind='stable')[:size])
+        around = np.sort(held[np.argsort(away, kind='stable')[:size]])
         places.show(self._old, pose[:2], around)
         fit = Fit(
             *fit_scan(
@@ -420,20 +452,24 @@ class Mapper:
 
     def _work(self) -> None:
         """Go on with what takes longer than a step may."""
-        if not self._solver.work(self._places.poses, self._places.edges):
-            self._drawing.work(self._places, self._noise.noise)
+        places = self._places
+        if self._solver.is_idle:
+            self._solving = places.held
+        if not self._solver.work(places.poses[self._solving], places.edges):
+            self._drawing.work(places, self._noise.noise)
 
     def _take_solved(self) -> None:
         """Move places, and the robot with the last of them, to where the solver has them."""
         poses, places = self._solver.take(), self._places
         if poses is None:
             return
-        count = len(poses)
-        same = min(self._reference, count - 1)
-        change = compose(poses[same], inverse(places.poses[same]))
-        for number in range(count, len(places)):
+        numbers = self._solving
+        at = min(int(np.searchsorted(numbers, self._reference)), len(numbers) - 1)
+        change = compose(poses[at], inverse(places.poses[numbers[at]]))
+        for number in range(numbers[-1] + 1, len(places)):
             places.poses[number] = compose(change, places.poses[number])
-        places.poses[:count] = poses
+        places.poses[numbers] = poses
+        places.follow()
         self._tracker.shift(change)
         self._since = turn_axes(self._since, float(change[2]))
         self._drawing.see_moves(places)

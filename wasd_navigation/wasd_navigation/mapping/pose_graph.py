@@ -332,6 +332,11 @@ class Solver:
         self._running: Iterator[np.ndarray | None] | None = None
         self._solved: np.ndarray | None = None
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether it begins with other poses when it works next."""
+        return self._running is None and self._solved is None
+
     def ask(self) -> None:
         """Want the poses solved for, now or after what is being solved."""
         self._is_asked = True
