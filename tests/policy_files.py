@@ -59,10 +59,10 @@ def node(kind: str, inputs: list[str], output: str, **flags: int) -> bytes:
     return out
 
 
-def end(name: str, width: int, rank: int = 2) -> bytes:
+def end(name: str, width: int, rank: int = 2, kind: int = 1) -> bytes:
     sizes = [1] * (rank - 1) + [width]
     shape = b''.join(field(1, field(1, size)) for size in sizes)
-    return field(1, name) + field(2, field(1, field(1, 1) + field(2, shape)))
+    return field(1, name) + field(2, field(1, field(1, kind) + field(2, shape)))
 
 
 def onnx(
@@ -75,8 +75,13 @@ def onnx(
     inputs: tuple[str, ...] = ('obs',),
     outputs: tuple[str, ...] = ('actions',),
     last: str = '',
+    kind: int = 1,
 ) -> bytes:
-    """Return a model: linear layers with an activation between them, `last` behind the last."""
+    """
+    Return a model: linear layers with an activation between them, `last` behind the last.
+
+    `kind` is ONNX's number of the type of what it gives, that of `Cast`.
+    """
     graph, name = b'', inputs[0]
     for index, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
         graph += field(5, tensor(f'w{index}', weight, external if index == 0 else ''))
@@ -89,14 +94,15 @@ def onnx(
             graph += field(1, node(activation, [name], f'x{index}'))
             name = f'x{index}'
     if last:
-        graph += field(1, node(last, [name], outputs[0]))
+        to = {'to': kind} if last == 'Cast' else {}
+        graph += field(1, node(last, [name], outputs[0], **to))
     for extra in outputs[1:]:
         graph += field(1, node('Identity', [outputs[0]], extra))
     graph += field(2, 'policy')
     for shown in inputs:
         graph += field(11, end(shown, weights[0].shape[1]))
     for shown in outputs:
-        graph += field(12, end(shown, weights[-1].shape[0]))
+        graph += field(12, end(shown, weights[-1].shape[0], kind=kind))
     model = field(1, 8) + field(7, graph) + field(8, field(1, '') + field(2, 17))
     for key, value in (metadata or {}).items():
         model += field(14, field(1, key) + field(2, value))

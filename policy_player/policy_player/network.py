@@ -13,6 +13,12 @@ from policy_player.spec import PolicyError
 
 # Of several outputs, what an action is called.
 ACTIONS = ('actions', 'action', 'continuous_actions', 'output')
+# The numbers that an action may consist of, as ONNX calls a tensor of them.
+FLOATS = {
+    'tensor(float)': np.float32,
+    'tensor(double)': np.float64,
+    'tensor(float16)': np.float16,
+}
 
 
 class Network(Protocol):
@@ -48,18 +54,20 @@ class OnnxNetwork:
             raise PolicyError(f'input {name!r}: got {kind}, wanted tensor(float)')
         output = _choose([end[0] for end in outputs])
         shown = [size if isinstance(size, int) else 1 for size in shape]
-        given = {end[0]: end[1] for end in outputs}[output]
+        given, kind = {end[0]: end[1:] for end in outputs}[output]
+        if kind not in FLOATS:
+            raise PolicyError(f'output {output!r}: got {kind}, wanted tensor(float)')
         self.takes, self.gives = int(np.prod(shown)), int(np.prod(given))
         model: bytes | str = str(file.path) if file.external else file.data
         self._session = first_look.open_session(model)
         # Its memory is ours, which saves a third of the time of a small network.
-        self._shown, self._action = np.zeros(self.takes, np.float32), np.zeros(given, np.float32)
+        self._shown, self._action = np.zeros(self.takes, np.float32), np.zeros(given, FLOATS[kind])
         self._bound = self._session.io_binding()
         for bind, end, memory, ends in (
             (self._bound.bind_input, name, self._shown, shown),
             (self._bound.bind_output, output, self._action, given),
         ):
-            bind(end, 'cpu', 0, np.float32, ends, memory.ctypes.data)
+            bind(end, 'cpu', 0, memory.dtype, ends, memory.ctypes.data)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Return the action for an observation."""

@@ -15,6 +15,7 @@ from policy_files import (
     MOTORS,
     onnx,
     rl_sar,
+    run,
     sparse_file,
     TorchModule,
     torchscript,
@@ -225,6 +226,16 @@ def test_weights_beside_it_are_read(tmp_path, rng):
     np.testing.assert_allclose(read_policy(path).network(shown), wanted, atol=1e-5)
 
 
+@pytest.mark.parametrize(('kind', 'most'), [(10, 2e-3), (11, 1e-5)], ids=['float16', 'double'])
+def test_an_action_in_numbers_of_another_precision_is_played(tmp_path, rng, kind, most):
+    weights, biases = layers(rng, 45, 16, 12)
+    path = tmp_path / 'walk.onnx'
+    path.write_bytes(onnx(weights, biases, mjlab(MOTORS), last='Cast', kind=kind))
+    shown = rng.normal(size=45)
+    wanted = run(weights, biases, shown)
+    np.testing.assert_allclose(read_policy(path).network(shown), wanted, atol=most)
+
+
 @pytest.mark.slow
 def test_networks_that_cannot_be_played_are_refused_by_what_is_odd(tmp_path):
     path = tmp_path / 'walk.onnx'
@@ -236,6 +247,8 @@ def test_networks_that_cannot_be_played_are_refused_by_what_is_odd(tmp_path):
     assert "2 inputs ('obs', 'h_in')" in refused(inputs=('obs', 'h_in'))
     assert 'none is called actions' in refused(outputs=('one', 'two'))
     assert 'onnxruntime cannot read it' in refused(last='NoSuchOperator')
+    words = "output 'actions': got tensor(int64), wanted tensor(float)"
+    assert words in refused(last='Cast', kind=7)
     path.write_bytes(onnx(*constant(45, np.zeros(11)), mjlab(MOTORS)))
     assert 'the network gives 11 numbers' in refusal(path)
 
