@@ -46,7 +46,7 @@ def test_at_a_metre_a_second_it_stops(walker, way):
         assert math.hypot(*world.base().planar_velocity[:2]) > 0.85
         place = world.base().position.copy()
         stop(run)
-        advance(3.0)
+        advance(5.0)
         assert math.hypot(*world.base().planar_velocity[:2]) < 0.02
         assert math.dist(place[:2], world.base().position[:2]) < most
         assert run.robot.state == (left or walks)
