@@ -48,7 +48,7 @@ class Player:
         self._targets = self._towards(self.action)
 
     @property
-    def rest(self) -> float:
+    def due_after(self) -> float:
         """How long after the last step the next one asks the network [s]."""
         return math.inf if self.failure else self._wait
 
@@ -59,7 +59,7 @@ class Player:
         When the output of the network is not a number, targets stay and `failure` says so.
         """
         self._wait -= dt
-        if self.rest > _ALMOST * self.spec.period:
+        if self.due_after > _ALMOST * self.spec.period:
             return self._targets
         # After a step that came a whole period late, the time counts from now.
         late = self._wait if self._wait > -self.spec.period else 0.0

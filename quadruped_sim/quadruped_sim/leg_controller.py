@@ -339,11 +339,11 @@ class LegController:
         self._let_go(reason)
 
     @property
-    def rest(self) -> float:
+    def due_after(self) -> float:
         """How long after the last step the next one is due [s]; motors hold the command."""
         machine, policy = self._machine, StateName.POLICY
         walks = machine.state is policy and machine.coming is policy and self._entered is policy
-        return self._policy.rest if walks else 0.0
+        return self._policy.due_after if walks else 0.0
 
     def step(self, reading: Reading, dt: float, truth: BaseState | None = None) -> JointCommand:
         """Joint command for this reading of leg angles, `dt` [s] after the one before."""

@@ -35,8 +35,8 @@ class Walker(Protocol):
     A controller that walks in place of the gait; joints are in its own order.
 
     `default` (n,) is the pose in which it begins [rad]. `ranges` are those of the velocities that
-    it knows, or None. `failure` is '' while all is well. A walker may have `rest`, how long
-    after its last step [s] the next one is due: nobody steps it before, and its targets stay.
+    it knows, or None. `failure` is '' while all is well. A walker may have `due_after`, how
+    long after its last step [s] the next one is due: nobody steps it before, its targets stay.
     """
 
     joints: tuple[str, ...]
@@ -115,13 +115,15 @@ class Policy(Trotting):
         self._is_told = [False, False, False]
 
     @property
-    def rest(self) -> float:
+    def due_after(self) -> float:
         """How long after the last step the next one is due [s]: targets stay meanwhile."""
-        return 0.0 if self._held is None else min(self._walker_rest - self._waited, LOOK_PERIOD)
+        return (
+            0.0 if self._held is None else min(self._walker_due_after - self._waited, LOOK_PERIOD)
+        )
 
     @property
-    def _walker_rest(self) -> float:
-        return getattr(self._walker, 'rest', 0.0)
+    def _walker_due_after(self) -> float:
+        return getattr(self._walker, 'due_after', 0.0)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
         """Go to the pose, or have the walker walk."""
@@ -132,7 +134,7 @@ class Policy(Trotting):
             return stiff_command(self._parts.model, pose)
         _find_trust(self.trust, robot.flat, dt)
         self._waited += dt
-        if self._held is None or self._waited > self._walker_rest - ROUNDING:
+        if self._held is None or self._waited > self._walker_due_after - ROUNDING:
             self._held = self._walk(robot, self._waited)
             self._waited = 0.0
         return self._held

@@ -265,7 +265,9 @@ class Go2(Robot):
         return (self.world.tick - self._stepped) * self.world.time_step
 
     def _rest(self) -> float:
-        return 0.0 if self.outside is not None else self.legs.controller.rest - self._waited()
+        if self.outside is not None:
+            return 0.0
+        return self.legs.controller.due_after - self._waited()
 
     def stop(self) -> None:
         """Command standstill, now and in the last message on cmd_vel, until the next key."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from wasd_navigation.mapping.comers import Comers
 from wasd_navigation.mapping.local_map import count_fitting, Fit, fit_scan, make_local_map
-from wasd_navigation.mapping.places import Drawing, Places
+from wasd_navigation.mapping.places import Drawing, Places, SLIGHT
 from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid, Search, window_around
 from wasd_navigation.mapping.session import Session
@@ -41,7 +41,6 @@ KNOWN_REACH, MANY, KNOWN_FIT = 0.8, 25, 0.985
 MOST_VISITS = 8
 # How well the robot's pose there is known before a scan is fitted: deviations [m], [rad].
 SAME_PRIOR = np.diag((1.0 / 0.03**2, 1.0 / 0.03**2, 1.0 / 0.015**2))
-SLIGHT = np.diag((1.0, 1.0, 1.0))  # information: a metre, a radian
 # So many places are kept of each square metre that is known, or in all; of more, two that are near
 # each other and within this of the robot become one [1/m^2], [m].
 MOST_PLACES, MOST_OF_FEW, MERGE_REACH = 2.5, 350, 3.0
