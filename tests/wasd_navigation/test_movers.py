@@ -5,12 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from wasd_navigation.parameters import DriveLimits, Footprint
+from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning.distances import Field
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.motion import base_of, move
 from wasd_navigation.planning.movers import group, Movers
 from wasd_navigation.planning.sampling import is_safe, room_to_movers, Scene
+from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import Grid, Scan
 
 PERIOD = 0.18  # of a slow lidar [s]
@@ -113,6 +114,9 @@ def test_the_room_to_who_moves_is_in_closed_form():
     assert room_to_movers(movers, circles, state, 0.0) == pytest.approx(1.5)
     # He may have turned to one side.
     assert room_to_movers(movers, circles, state, 2.0) == pytest.approx(0.5 - 0.3)
+    # Who stands has no line to leave.
+    movers[0, 2] = 0.0
+    assert room_to_movers(movers, circles, state, 2.0) == pytest.approx(1.5)
     assert room_to_movers(NOBODY, circles, state, 0.0) == math.inf
 
 
@@ -131,6 +135,8 @@ def scene(movers):
         (np.array([[0.95, 0.0, 1.0, 0.0, 0.25]]), True),  # he goes
         (np.array([[0.6, 0.75, 0.0, -1.0, 0.25]]), False),  # he crosses
         (np.array([[0.6, 2.5, 0.0, -1.0, 0.25]]), True),  # it stands before he is there
+        (np.array([[-0.5, 0.0, -1.0, 0.0, 0.25]]), False),  # he has just gone by
+        (np.array([[-0.5, 0.0, 0.0, 0.0, 0.25]]), True),  # he stands behind it
     ],
 )
 def test_a_robot_drives_only_where_it_can_stop_before_somebody_comes(movers, may_drive):
@@ -147,11 +153,61 @@ def test_who_appears_near_is_taken_to_come_until_he_is_known():
     movers.see(seen((1.2, 0.0)), np.zeros(2))
     (row,) = movers.now
     assert row[2:4] == pytest.approx((-1.0, 0.0), abs=0.05)
-    for _ in range(2):
+    for _ in range(4):
         movers.step(PERIOD)
         movers.see(seen((1.2, 0.0)), np.zeros(2))
     assert len(movers.now) == 0
     assert not movers.are_about
+
+
+@pytest.mark.parametrize('shown', [0.25, 0.5, 0.75])
+def test_who_comes_into_view_bit_by_bit_and_walks_off_is_never_taken_to_stand(shown):
+    # What is seen of him grows to the right while he goes to the left.
+    movers = Movers()
+    place = np.array((1.2, 0.0))
+    for tick in range(10):
+        points = seen(place)
+        movers.step(PERIOD)
+        movers.see(points[int(len(points) * (1.0 - shown)) :] if tick < 2 else points, np.zeros(2))
+        assert len(movers.now) == 1
+        place = place + (0.0, 0.6 * PERIOD)
+
+
+def test_a_walk_is_known_by_the_second_scan_also_back_to_where_he_was_seen_first():
+    movers = Movers()
+    movers.see(seen((1.8, 0.25)), np.zeros(2))
+    for tick in range(13):
+        movers.step(PERIOD)
+        movers.see(seen((1.8, max(tick - 10, 0) * 0.6 * PERIOD)), np.zeros(2))
+        if tick != 11 and tick > 6:
+            assert len(movers.now) == (tick == 12)
+
+
+def test_who_has_stopped_may_walk_on_for_ten_seconds():
+    movers, at = watch((3.0, -1.0), (0.0, 1.0), 1.4)
+    for tick in range(round(12.0 / PERIOD)):
+        movers.step(PERIOD)
+        movers.see(seen(at), np.zeros(2))
+        if 1.5 < tick * PERIOD < 9.0:
+            (row,) = movers.now
+            assert row[:2] == pytest.approx(at, abs=0.1)
+            assert row[2:4] == pytest.approx((0.0, 0.0), abs=0.1)
+    assert len(movers.now) == 0
+
+
+def test_who_has_stopped_is_seen_also_where_the_map_has_taken_him_in():
+    hall = Hall(*WHEELS, ((3.0, 1.0), (3.0, 3.0)), 1.0)
+    around = Surroundings(hall.footprint, PlanningParameters())
+    around.take_map(hall.grid, 0, hall.state[:2])
+    for tick in range(20):
+        place = np.array((3.0, min(1.0 + tick * PERIOD, 3.0)))
+        if tick == 13:
+            hall.grid.cells[56:64, 56:64] = 100
+            around.take_map(hall.grid, 1, hall.state[:2])
+        around.movers.step(PERIOD)
+        around.see(hall.look(place), hall.state[:3])
+    (row,) = around.movers.now
+    assert row[:2] == pytest.approx(place, abs=0.1)
 
 
 def test_hits_that_were_added_to_a_scan_are_none_of_the_lidar():

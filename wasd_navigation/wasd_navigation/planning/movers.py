@@ -22,11 +22,11 @@ _GATE, _LOST = 0.5, 0.7
 # Standard deviations: of a middle [m], of an acceleration [m/s^2], of a velocity at first [m/s].
 _PLACE, _ACCELERATION, _VELOCITY = 0.03, 2.5, 0.7
 # Who moves is faster than this [m/s], and than noise by this factor, has been seen so often, and
-# has left where he was first seen by so much [m].
-_SLOWEST, _SURELY, _SEEN, _LEFT = 0.25, 1.5, 3, 0.12
-# Who appears nearer than this, as around a corner, is taken to come, so fast, until he has been
-# seen for a while [m], [m/s].
-_APPEARS, _COMES = 1.6, 1.0
+# has left where he was slow last by so much [m].
+_SLOWEST, _SURELY, _SEEN, _LEFT = 0.25, 1.5, 3, 0.08
+# Who appears nearer than this, as around a corner, is taken to come, so fast [m], [m/s], until he
+# has been seen so often and is slow: what comes into view bit by bit seems to move.
+_APPEARS, _COMES, _KNOWN = 1.6, 1.0, 5
 # So long after somebody has moved people are about [s].
 _ABOUT = 10.0
 
@@ -35,14 +35,15 @@ class _Track:
     """
     Somebody: place and velocity, shape (2,) [m], [m/s], and their covariance of one axis.
 
-    `is_moving` is whether he surely moved when he was seen last.
+    `is_moving` is whether he surely moved when he was seen last, `since` how long ago he did [s];
+    `comes` whether he is taken to come, until he is known.
     """
 
-    def __init__(self, place: np.ndarray, radius: float, comes: np.ndarray) -> None:
+    def __init__(self, place: np.ndarray, radius: float, comes: bool) -> None:
         self.place, self.velocity, self.radius = place, np.zeros(2), radius
-        self.comes = comes  # the velocity that he is taken to have until he is known
-        self.first = place
+        self.stood, self.comes = place, comes
         self.seen, self.unseen, self.is_moving = 1, 0.0, False
+        self.since = math.inf
         self._cov = np.diag((_PLACE**2, _VELOCITY**2))
 
     def foresee(self, dt: float) -> None:
@@ -52,6 +53,7 @@ class _Track:
         noise = np.outer((0.5 * dt * dt, dt), (0.5 * dt * dt, dt)) * _ACCELERATION**2
         self._cov = step @ self._cov @ step.T + noise
         self.unseen += dt
+        self.since += dt
 
     def meet(self, place: np.ndarray, radius: float) -> None:
         """Take where he is seen now."""
@@ -64,8 +66,14 @@ class _Track:
         self.seen, self.unseen = self.seen + 1, 0.0
         speed = math.hypot(*self.velocity)
         is_fast = speed > max(_SLOWEST, _SURELY * math.sqrt(self._cov[1, 1]))
-        has_left = math.dist(self.place, self.first) > _LEFT
+        if speed < _SLOWEST:
+            self.stood = self.place
+        has_left = math.dist(self.place, self.stood) > _LEFT
         self.is_moving = is_fast and has_left and self.seen >= _SEEN
+        if self.is_moving:
+            self.since = 0.0
+        if self.is_moving or (self.seen >= _KNOWN and speed < _SLOWEST):
+            self.comes = False
 
 
 class Movers:
@@ -78,6 +86,7 @@ class Movers:
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
         self._since = math.inf  # somebody has moved [s]
+        self._origin = np.zeros(2)  # of the last scan [m]
 
     @property
     def are_about(self) -> bool:
@@ -86,14 +95,28 @@ class Movers:
 
     @property
     def now(self) -> np.ndarray:
-        """Rows (x, y, vx, vy, radius) [m], [m/s] of those who may move, shape (n, 5)."""
+        """
+        Rows (x, y, vx, vy, radius) [m], [m/s] of those who may move, shape (n, 5).
+
+        Who has moved a short while ago may turn where he stands, and walk on.
+        """
         rows = []
         for one in self._tracks:
-            if one.is_moving:
+            if one.since < _ABOUT:
                 rows.append((*one.place, *one.velocity, one.radius))
-            elif one.seen < _SEEN and one.comes.any():
-                rows.append((*one.place, *one.comes, one.radius))
+            elif one.comes:
+                to = self._origin - one.place
+                comes = _COMES * to / max(math.hypot(*to), 1e-9)
+                rows.append((*one.place, *comes, one.radius))
         return np.array(rows).reshape(-1, 5)
+
+    def are_at(self, points: np.ndarray) -> np.ndarray:
+        """Return at which points, shape (n, 2) [m], somebody is who has moved lately, bool."""
+        at = np.zeros(len(points), bool)
+        for one in self._tracks:
+            if one.since < _ABOUT:
+                at |= np.hypot(*(points - one.place).T) < one.radius
+        return at
 
     def forget(self) -> None:
         """Forget where everybody is, before a time without steps."""
@@ -108,17 +131,15 @@ class Movers:
 
     def see(self, points: np.ndarray, origin: np.ndarray) -> None:
         """Take points in the order of their rays, shape (n, 2), of a lidar at `origin` [m]."""
-        left = list(self._tracks)
+        left, self._origin = list(self._tracks), origin
         for place, radius in group(points, origin):
             apart = [math.dist(place, one.place) for one in left]
             nearest = int(np.argmin(apart)) if apart else -1
             if nearest >= 0 and apart[nearest] < _GATE:
                 left.pop(nearest).meet(place, radius)
             else:
-                to = origin - place
-                away = math.hypot(*to)
-                comes = to / away * _COMES if 0.0 < away < _APPEARS else np.zeros(2)
-                self._tracks.append(_Track(place, radius, comes))
+                is_near = math.dist(place, origin) < _APPEARS
+                self._tracks.append(_Track(place, radius, is_near))
         if any(one.is_moving for one in self._tracks):
             self._since = 0.0
 

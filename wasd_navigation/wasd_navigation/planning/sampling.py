@@ -34,6 +34,8 @@ _TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
 # into it, he is to blame. It stands below a speed [m/s]; a turn counts as that of its rim, which
 # is so far out [m].
 _NOT_TO_BLAME, _STANDING, _RIM = 0.2, 0.05, 0.3
+# It stands while somebody walks by so near [m]: he may turn on his heel.
+_BESIDE = 0.1
 # What is foreseen counts less by this share each second; so fast somebody may leave the line that
 # he walks on [m/s].
 _DOUBT, _TURNS = 0.2, 0.3
@@ -197,19 +199,20 @@ def room_to_movers(
     """
     Return the distance [m] from a footprint to where those who move may be, a time [s] from now.
 
-    Somebody may turn: the farther ahead, the more room he may need, up to a second ahead.
+    Who walks may turn: the farther ahead, the more room he may need, up to a second ahead.
     """
     least: float = math.inf
-    turned = _TURNS * min(time, 1.0)
     cos, sin = math.cos(state[2]), math.sin(state[2])
     for one in range(movers.shape[0]):
         x = movers[one, 0] + time * movers[one, 2] - state[0]
         y = movers[one, 1] + time * movers[one, 3] - state[1]
+        speed = math.hypot(movers[one, 2], movers[one, 3])
+        needed = movers[one, 4] + min(speed, _TURNS) * min(time, 1.0)
         for index in range(circles.shape[0]):
             dx = x - cos * circles[index, 0] + sin * circles[index, 1]
             dy = y - sin * circles[index, 0] - cos * circles[index, 1]
-            least = min(least, math.hypot(dx, dy) - circles[index, 2] - movers[one, 4])
-    return least - turned
+            least = min(least, math.hypot(dx, dy) - circles[index, 2] - needed)
+    return least
 
 
 @fast
@@ -262,6 +265,11 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
     Where it is nearer to something than all motions keep, it may go away from it. Who moves is
     taken to walk on; once the robot stands, it is up to him.
     """
+    for one in range(scene.movers.shape[0] if asked.any() else 0):
+        walks = math.hypot(scene.movers[one, 2], scene.movers[one, 3]) > _TURNS
+        him = scene.movers[one : one + 1]
+        if walks and room_to_movers(him, scene.circles, state, 0.0) < _BESIDE:
+            return False
     state = state.copy()
     least = scene.keep[0]
     apart = min(room_to_movers(scene.movers, scene.circles, state, 0.0), least)

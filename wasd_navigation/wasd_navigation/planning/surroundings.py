@@ -255,6 +255,7 @@ class Surroundings:
         points, cells = points[inside], cells[inside]
         is_other = self._of_map[tuple(cells.T)] > _OF_THE_MAP_OF_MOVERS
         is_other &= self.map_.cells[tuple(cells.T)] != UNKNOWN  # all is new there
+        is_other |= self.movers.are_at(points)  # the map may have taken in who stands
         self.movers.see(points[is_other], transform(pose, scan.origin[None])[0])
 
     @property
