@@ -11,7 +11,6 @@ import contextlib
 import functools
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
-from importlib.util import find_spec
 import os
 from pathlib import Path
 import shutil
@@ -67,6 +66,7 @@ def _import_numba() -> None:
 _import_numba()
 
 from numba.core import caching  # noqa: E402
+from numba.core.runtime.nrt import rtsys  # noqa: E402
 
 # So many states of a package are kept: those of several checkouts, and of several versions.
 MOST_KEPT = 8
@@ -170,25 +170,11 @@ class OwnCache(caching.FunctionCache):
         )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return a function from the cache, None if it is not there."""
-        _only_look_for_scipy()
-        return super().load_overload(sig, target_context)
+        """
+        Return a function from the cache, None if it is not there.
 
-
-@functools.cache
-def _only_look_for_scipy() -> None:
-    """Import what of numba would load SciPy, 0.3 s of each start, to see whether it is there."""
-    from numba.np import linalg
-
-    load_scipy = linalg.ensure_blas
-    linalg.ensure_blas = _find_scipy
-    try:
-        from numba.np import arraymath
-    finally:
-        linalg.ensure_blas = load_scipy
-    arraymath.ensure_blas = load_scipy  # type: ignore[attr-defined]
-
-
-def _find_scipy() -> None:
-    if find_spec('scipy') is None:
-        raise ImportError('SciPy is not installed')
+        What is compiled needs numba's memory, but none of what numba compiles with: to prepare
+        that, as numba does here, takes a tenth of a start. It does so before it compiles.
+        """
+        rtsys.initialize(target_context)
+        return self._load_overload(sig, target_context)
