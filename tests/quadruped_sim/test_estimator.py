@@ -231,6 +231,39 @@ def test_the_level_after_a_throw_is_that_of_before(model):
     assert estimator.level > 1.01
 
 
+@pytest.mark.parametrize(('acceleration', 'is_thrown'), [(20.0, False), (40.0, True)])
+def test_a_blow_that_no_leg_can_give_is_a_throw(model, acceleration, is_thrown):
+    """In 0.1 s 20 m/s^2 are a push of 30 N s, which it walks on after; 40 leave it skidding."""
+    estimator, motion = make(model), leg_motion(model.geometry, ANGLES, np.zeros(12))
+    blow = Seen(0.0, np.zeros(3), np.array((0.6 * acceleration, 0.8 * acceleration, 9.81)))
+    for _ in range(round(0.1 / DT)):
+        follow(estimator, blow, motion, np.zeros(4))
+    assert (estimator._estimate.calm[0] < 0.0) == is_thrown
+    mean = acceleration * (1.0 - (1.0 - DT / 0.1) ** round(0.1 / DT))
+    assert np.hypot(*estimator._estimate.struck) == pytest.approx(mean, rel=0.01)
+
+
+@pytest.mark.parametrize(('speed', 'is_thrown'), [(3.5, False), (4.5, True)])
+def test_a_robot_faster_than_legs_drive_it_is_thrown(model, speed, is_thrown):
+    estimator, motion = make(model), leg_motion(model.geometry, ANGLES, np.zeros(12))
+    estimator._estimate.x[1, 0] = speed
+    follow(estimator, STILL, motion, np.zeros(4))
+    assert (estimator._estimate.calm[0] < 0.0) == is_thrown
+
+
+def test_skidding_feet_are_drawn_to_the_level_of_before_as_on_a_floor(model):
+    """However rough the ground then feels."""
+    estimator = walked(model, (1.02, 1.0), 2.0, rough=1.0, step_time=NEVER)
+    creeping = estimator.feet[:, 2].mean() - model.geometry.foot_radius - 1.0
+    estimator._estimate.calm[0] = -1.0
+    rough = Footing(np.ones(4), UP, PLANE, True, False, 1.0)
+    level = estimator.level
+    anchor(estimator, rough, 20)
+    left = estimator.feet[:, 2].mean() - model.geometry.foot_radius - level
+    drawn = (1.0 - DT / LEVEL_TIME) ** 20
+    assert left == pytest.approx((1.0 + creeping - level) * drawn, abs=1e-6)
+
+
 def test_the_level_climbs_with_the_slope(model):
     climbed = walked(model, (1.0, 1.0), 0.5, gradient=0.02)
     assert climbed.level == pytest.approx(1.0 + 0.02 * 0.5 * 20 * DT, abs=1e-9)
