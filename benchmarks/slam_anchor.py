@@ -5,7 +5,8 @@ import math
 from typing import Any
 
 import numpy as np
-from slam_logs import error_of, Log, MBOT_LIDAR
+from slam_errors import trajectory_error
+from slam_logs import Log, MBOT_LIDAR
 from wasd_navigation.se2 import compose, inverse
 
 WHY_NOT = 'Karto: not here (extra `anchors`)'
@@ -14,7 +15,7 @@ TRAVEL, HEADING = 0.2, 0.2
 
 
 def map_by_karto(log: Log) -> float | None:
-    """Return Karto's unaligned error on a log of mbot's lidar [m]; None where it is not there."""
+    """Return Karto's error on a log of mbot's lidar [m]; None where it is not there."""
     try:
         from yag_slam.graph_slam import GraphSlam
         from yag_slam.helpers import default_config, default_config_loop
@@ -39,7 +40,7 @@ def map_by_karto(log: Log) -> float | None:
     for scan in taken:
         corrected = scan.corrected_pose
         found.append(np.array((corrected.x, corrected.y, corrected.euler[-1])))
-    return error_of(np.array([compose(found[at], move) for at, move in placed]), log.truth)
+    return trajectory_error(np.array([compose(found[at], move) for at, move in placed]), log.truth)
 
 
 def _to_karto(log: Log, row: int) -> Any:

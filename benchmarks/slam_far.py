@@ -8,7 +8,8 @@ from typing import Any
 
 from mujoco_sim.flats import make_flat
 import numpy as np
-from slam_logs import A1, drive, error_of, Log, log_way, take_in
+from slam_errors import error_of
+from slam_logs import A1, drive, Log, log_way, take_in
 from table import Row
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.se2 import compose, inverse

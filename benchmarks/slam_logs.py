@@ -346,8 +346,3 @@ def take_in(mapper: Mapper | Localizer, log: Log, row: int) -> float:
     begin = time.thread_time()
     mapper.step(log.scans[row], log.odometry[row], log.covariances[row])
     return 1e3 * (time.thread_time() - begin)
-
-
-def error_of(poses: np.ndarray, truth: np.ndarray) -> float:
-    """Return the root of the mean squared distance of poses from the truth, not aligned [m]."""
-    return float(np.sqrt(np.mean(np.sum((poses[:, :2] - truth[:, :2]) ** 2, axis=1))))

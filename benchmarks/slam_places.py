@@ -13,7 +13,7 @@ from table import Row
 
 FIRST_SEED = 1000  # tuned on 10 to 30
 ODOMETRY, LENGTH = '3 %', 110.0  # of the way [m]
-# Of the median of the unaligned error [mm], and of the occupied cells that are right [%].
+# Of the median of the errors of trajectories [mm], and of the occupied cells that are right [%].
 MOST = {'flat': 20.0, 'corridor': 100.0, 'round room': 100.0, 'block': 60.0, 'table legs': 30.0}
 LEAST_RIGHT = 98.0
 SENSOR = 'A1 that turns, noise of 1 %, 1 % of rays lost; odometry 3 % off'
@@ -41,17 +41,27 @@ def _map_place(map_once: MapOnce, name: str, seed: int) -> dict[str, Any]:
     return trial
 
 
+def say_errors(trials: Sequence[dict[str, Any]]) -> str:
+    """Return the errors of runs in words: as they are defined, and of poses as they are."""
+    errors, unaligned = (
+        1e3 * np.array([trial[key] for trial in trials]) for key in ('error', 'unaligned')
+    )
+    return (
+        f'{np.median(errors):.1f} mm, {errors.max():.1f} at worst '
+        f'(not aligned {np.median(unaligned):.1f}, {unaligned.max():.1f})'
+    )
+
+
 def _rows(name: str, trials: list[dict[str, Any]]) -> list[Row]:
-    errors = 1e3 * np.array([trial['error'] for trial in trials])
+    error = 1e3 * float(np.median([trial['error'] for trial in trials]))
     dead = 1e3 * float(np.median([trial['dead_reckoning'] for trial in trials]))
     right = float(np.median([trial['occupied_right'] for trial in trials]))
     rows = [
         Row(
-            what=f'slam: {name}, error on {LENGTH:g} m, {SENSOR}',
-            measured=f'{np.median(errors):.1f} mm, {errors.max():.1f} at worst, '
-            f'{len(errors)} runs',
+            what=f'slam: {name}, ATE on {LENGTH:g} m, {SENSOR}',
+            measured=f'{say_errors(trials)}, {len(trials)} runs',
             must=f'<= {MOST[name]:g} mm',
-            passed=bool(np.median(errors) <= MOST[name]),
+            passed=error <= MOST[name],
             anchor=f'dead reckoning {dead:.0f} mm; Karto: not run on rays that turn',
             trials=trials,
         )
@@ -60,7 +70,7 @@ def _rows(name: str, trials: list[dict[str, Any]]) -> list[Row]:
         rows.append(
             Row(
                 what=f'map: occupied cells right, {SENSOR}',
-                measured=f'{right:.2f} %, {len(errors)} runs',
+                measured=f'{right:.2f} %, {len(trials)} runs',
                 must=f'>= {LEAST_RIGHT:g} %',
                 passed=right >= LEAST_RIGHT,
             )
