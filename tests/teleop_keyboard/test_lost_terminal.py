@@ -27,13 +27,21 @@ AFTER_REPEAT, AFTER_PRESS = 0.4, 0.7
 
 
 class Moves:
-    """When cmd_vel came that was not zero."""
+    """When cmd_vel came that was not zero; a key that stops has come all the way before."""
 
-    def __init__(self, listener):
-        self.times = []
+    def __init__(self, listener, process):
+        self.times, self._is_heard = [], False
         listener.node.create_subscription(Twist, 'cmd_vel', self._take, 100)
 
+        def arrives():
+            process.type(b' ')
+            time.sleep(0.1)
+            return self._is_heard
+
+        wait_until(arrives)
+
     def _take(self, message):
+        self._is_heard = True
         if message.linear.x != 0.0:
             self.times.append(time.monotonic())
 
@@ -96,7 +104,8 @@ OTHERS = ('pair', 'mbot')
     [*itertools.product(['teleop'], ANNOUNCED), *itertools.product(OTHERS, ('during', 'never'))],
 )
 def test_a_key_ends_with_its_repeats(program, announced, listener, request):
-    process, moves = request.getfixturevalue(program), Moves(listener)
+    process = request.getfixturevalue(program)
+    moves = Moves(listener, process)
     if announced == 'before':
         process.type(ANSWER)
         process.wait_for(b'\x1b[>27u')
@@ -120,7 +129,7 @@ def test_a_key_ends_with_its_repeats(program, announced, listener, request):
 def test_a_key_that_is_really_held_drives_without_a_gap_and_ends_with_its_release(
     teleop, listener
 ):
-    moves = Moves(listener)
+    moves = Moves(listener, teleop)
     teleop.type(ANSWER)
     teleop.wait_for(b'\x1b[>27u')
 
