@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from wasd_navigation.mapping.comers import Comers
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.records import OCCUPIED, Scan
 
@@ -78,3 +79,17 @@ def test_who_walks_past_is_not_drawn_and_who_stays_is():
     for _ in range(90):
         drive.step(0.0, 3.0)
     assert is_drawn(drive.mapper, 3.0)
+
+
+def test_who_walks_out_of_the_open_to_a_wall_is_left_out_wholly_and_the_wall_is_not():
+    odds = np.full((60, 60), -3.0, np.float32)  # all is free below a wall at y = 2.0 m
+    odds[40:] = 3.0
+    front = np.arange(-0.22, 0.23, 0.04)
+    wall = np.stack((np.arange(0.5, 1.0, 0.1), np.full(5, 2.02)), axis=1)
+    comers = Comers()
+    for y in np.arange(1.0, 1.7, 0.16):
+        him = np.stack((np.full(len(front), 1.5), y + front), axis=1)
+        ends = np.concatenate((him, wall))
+        scan = Scan(np.zeros(2), ends, np.ones(len(ends), bool))
+        left = comers.leave_out(scan, np.zeros(3), odds, (0.05, 0, 0))
+        assert left.ends == pytest.approx(wall)

@@ -13,6 +13,9 @@ from wasd_navigation.se2 import transform
 # Somebody has come where all cells within this distance have been free [m], by such log-odds, of
 # two scans at least. Nearer to a wall what is seen may be the wall, from a pose that is off.
 OPEN, SURELY_FREE = 0.2, -1.0
+# There, too, if it is no farther than this from them, or from where they were in so many scans
+# before, and all is free within this [m]: who walks along a wall was in the open once.
+REACH, BEFORE, BESIDE = 0.3, 3, 0.05
 # What was there so many scans ago, this near [m], stays: it is part of the place.
 STAYS, NEAR = 40, 0.08
 # So many scans of that time are compared.
@@ -33,17 +36,25 @@ class Comers:
     def reset(self) -> None:
         """Know of nobody."""
         self._seen: deque[np.ndarray] = deque(maxlen=STAYS + COMPARED)
+        self._left_out: deque[np.ndarray] = deque(maxlen=BEFORE)
 
     def leave_out(
         self, scan: Scan, pose: np.ndarray, odds: np.ndarray, frame: tuple[float, int, int]
     ) -> Scan:
         """Return a scan taken at a pose, without them; `odds` and `frame` as of `Canvas.odds`."""
         places = transform(pose, scan.ends)
-        came = scan.hits & _are_open(places, odds, frame)
+        came = scan.hits & _are_open(places, odds, frame, OPEN)
         came[len(came) - scan.added :] = False
+        theirs = np.concatenate((places[came], *self._left_out))
+        if len(theirs):
+            beside = scan.hits & ~came
+            beside[len(came) - scan.added :] = False
+            beside[beside] = _are_near(places[beside], theirs, REACH)
+            came[beside] = _are_open(places[beside], odds, frame, BESIDE)
         before = list(self._seen)[: max(0, len(self._seen) - STAYS)]
         self._seen.append(places[came])
-        came[came] = ~_are_near(places[came], np.concatenate((np.empty((0, 2)), *before)))
+        came[came] = ~_are_near(places[came], np.concatenate((np.empty((0, 2)), *before)), NEAR)
+        self._left_out.append(places[came])
         if not came.any():
             return scan
         left = ~came
@@ -51,10 +62,12 @@ class Comers:
 
 
 @jit
-def _are_open(places: np.ndarray, odds: np.ndarray, frame: tuple[float, int, int]) -> np.ndarray:
-    """Return around which places, shape (n, 2) [m], all cells have surely been free."""
+def _are_open(
+    places: np.ndarray, odds: np.ndarray, frame: tuple[float, int, int], room: float
+) -> np.ndarray:
+    """Return around which places, shape (n, 2) [m], all cells in a room [m] are surely free."""
     rows, columns = odds.shape
-    reach = math.ceil(OPEN / frame[0])
+    reach = math.ceil(room / frame[0])
     are_open = np.ones(places.shape[0], dtype=np.bool_)
     for index in range(places.shape[0]):
         column = int(math.floor(places[index, 0] / frame[0])) - frame[1]
@@ -76,13 +89,13 @@ def _are_open(places: np.ndarray, odds: np.ndarray, frame: tuple[float, int, int
 
 
 @jit
-def _are_near(places: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return which places, shape (n, 2), have one of others, shape (m, 2), near."""
+def _are_near(places: np.ndarray, others: np.ndarray, reach: float) -> np.ndarray:
+    """Return which places, shape (n, 2), have one of others, shape (m, 2), within a reach [m]."""
     near = np.zeros(places.shape[0], dtype=np.bool_)
     for index in range(places.shape[0]):
         for other in range(others.shape[0]):
             dx, dy = places[index, 0] - others[other, 0], places[index, 1] - others[other, 1]
-            if dx * dx + dy * dy < NEAR * NEAR:
+            if dx * dx + dy * dy < reach * reach:
                 near[index] = True
                 break
     return near

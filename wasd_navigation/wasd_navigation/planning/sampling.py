@@ -36,6 +36,8 @@ _TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
 _NOT_TO_BLAME, _STANDING, _RIM = 0.2, 0.05, 0.3
 # It stands while somebody walks by so near [m]: he may turn on his heel.
 _BESIDE = 0.1
+# He may turn by so much (its cosine), to walk straight at the robot.
+_TURNS_BY = 0.5
 # What is foreseen counts less by this share each second; so fast somebody may leave the line that
 # he walks on [m/s].
 _DOUBT, _TURNS = 0.2, 0.3
@@ -263,13 +265,15 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
     Whether the robot can ask for a velocity for a time [s] and then stop, and touch nothing.
 
     Where it is nearer to something than all motions keep, it may go away from it. Who moves is
-    taken to walk on; once the robot stands, it is up to him.
+    taken to walk on, or to turn towards where the robot is now; once the robot stands, it is up
+    to him.
     """
     for one in range(scene.movers.shape[0] if asked.any() else 0):
         walks = math.hypot(scene.movers[one, 2], scene.movers[one, 3]) > _TURNS
         him = scene.movers[one : one + 1]
         if walks and room_to_movers(him, scene.circles, state, 0.0) < _BESIDE:
             return False
+    turned = _turn_to(state, scene.movers)
     state = state.copy()
     least = scene.keep[0]
     apart = min(room_to_movers(scene.movers, scene.circles, state, 0.0), least)
@@ -284,6 +288,24 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
         near = room_to_movers(scene.movers, scene.circles, state, passed)
         if near < apart - 1e-3:
             return False
+        if room_to_movers(turned, scene.circles, state, passed) < 0.0:
+            return False
         if passed > 5.0:
             break
     return True
+
+
+@fast
+def _turn_to(state: np.ndarray, movers: np.ndarray) -> np.ndarray:
+    """Return those who walk and may turn towards the robot, as if they did; see `Scene`."""
+    turned = movers.copy()
+    found = 0
+    for one in range(movers.shape[0]):
+        x, y = state[0] - movers[one, 0], state[1] - movers[one, 1]
+        away = max(math.hypot(x, y), 1e-9)
+        speed = math.hypot(movers[one, 2], movers[one, 3])
+        if speed > _TURNS and x * movers[one, 2] + y * movers[one, 3] > _TURNS_BY * speed * away:
+            turned[found] = movers[one]
+            turned[found, 2], turned[found, 3] = speed * x / away, speed * y / away
+            found += 1
+    return turned[:found]
