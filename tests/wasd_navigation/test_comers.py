@@ -87,7 +87,7 @@ def test_who_walks_out_of_the_open_to_a_wall_is_left_out_wholly_and_the_wall_is_
     front = np.arange(-0.22, 0.23, 0.04)
     wall = np.stack((np.arange(0.5, 1.0, 0.1), np.full(5, 2.02)), axis=1)
     comers = Comers()
-    for y in np.arange(1.0, 1.7, 0.16):
+    for y in np.arange(1.0, 1.7, 0.16):  # in the open at first
         him = np.stack((np.full(len(front), 1.5), y + front), axis=1)
         ends = np.concatenate((him, wall))
         scan = Scan(np.zeros(2), ends, np.ones(len(ends), bool))

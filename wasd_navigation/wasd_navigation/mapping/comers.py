@@ -13,8 +13,9 @@ from wasd_navigation.se2 import transform
 # Somebody has come where all cells within this distance have been free [m], by such log-odds, of
 # two scans at least. Nearer to a wall what is seen may be the wall, from a pose that is off.
 OPEN, SURELY_FREE = 0.2, -1.0
-# There, too, if it is no farther than this from them, or from where they were in so many scans
-# before, and all is free within this [m]: who walks along a wall was in the open once.
+# There, too, if it is no farther than this from where they were in so many scans before, and all
+# is free within this [m]: who walks along a wall was in the open once. A wall that is seen from a
+# wrong pose was not there before.
 REACH, BEFORE, BESIDE = 0.3, 3, 0.05
 # What was there so many scans ago, this near [m], stays: it is part of the place.
 STAYS, NEAR = 40, 0.08
@@ -45,7 +46,7 @@ class Comers:
         places = transform(pose, scan.ends)
         came = scan.hits & _are_open(places, odds, frame, OPEN)
         came[len(came) - scan.added :] = False
-        theirs = np.concatenate((places[came], *self._left_out))
+        theirs = np.concatenate((np.empty((0, 2)), *self._left_out))
         if len(theirs):
             beside = scan.hits & ~came
             beside[len(came) - scan.added :] = False
