@@ -41,7 +41,7 @@ class Places:
     _held: np.ndarray | None = None
     visits: list[int] = field(default_factory=list)  # how often each has been seen
     _poses: np.ndarray = field(default_factory=lambda: np.zeros((64, 3)))
-    _rows: dict[tuple[int, int], int] = field(default_factory=dict)  # of edges, by their pairs
+    _count: int = 0  # of edges
     _edges: Edges = field(
         default_factory=lambda: Edges(
             np.zeros((64, 2), dtype=np.int64),
@@ -72,8 +72,8 @@ class Places:
         """Add a place."""
         number = len(self)
         if number == len(self._poses):
-            self._poses, self._into = _doubled(self._poses), _doubled(self._into)
-            self._offsets = _doubled(self._offsets)
+            self._poses, self._into = _grown(self._poses), _grown(self._into)
+            self._offsets = _grown(self._offsets)
         self._poses[number] = pose
         self._scans.append(_in_type(scan, np.float32))
         self._points.append(surface.points.astype(np.float32))
@@ -100,8 +100,8 @@ class Places:
 
         What is known of a pair already is kept: one edge has the mean of both.
         """
-        row = self._rows.get(pair)
-        if row is not None:
+        row = self._row(pair)
+        if row < self._count:
             before = self._edges.informations[row]
             step = pose - self._edges.poses[row]
             step[2] = wrap(step[2])
@@ -109,11 +109,17 @@ class Places:
             pose = self._edges.poses[row] + np.linalg.pinv(known) @ (known - before) @ step
             sure = sure or not self._edges.robust[row]
         else:
-            row = self._rows[pair] = len(self._rows)
+            self._count += 1
             if row == len(self._edges.pairs):
-                self._edges = Edges(*map(_doubled, self._edges))
+                self._edges = Edges(*map(_grown, self._edges))
         for kept, value in zip(self._edges, (pair, pose, known, not sure), strict=True):
             kept[row] = value
+
+    def _row(self, pair: tuple[int, int]) -> int:
+        """Return the row of an edge; that after the last one if there is none."""
+        first, second = self._edges.pairs[: self._count].T
+        rows = np.flatnonzero((first == pair[0]) & (second == pair[1]))
+        return int(rows[0]) if len(rows) else self._count
 
     def merge(self, number: int, into: int) -> None:
         """
@@ -129,7 +135,7 @@ class Places:
         for other in np.flatnonzero(self._into[: len(self)] == number):
             self._into[other] = into
             self._offsets[other] = compose(offset, self._offsets[other])
-        pairs = self._edges.pairs[: len(self._rows)]
+        pairs = self._edges.pairs[: self._count]
         for pair in map(tuple, pairs[(pairs == number).any(axis=1)].tolist()):
             pose, known, robust = self._unlink(pair)
             if into in pair:
@@ -144,13 +150,11 @@ class Places:
 
     def _unlink(self, pair: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, bool]:
         """Remove an edge; return its pose, information and whether it may be wrong."""
-        row, last = self._rows.pop(pair), len(self._rows)
-        edges = self._edges
+        self._count -= 1
+        row, edges = self._row(pair), self._edges
         removed = edges.poses[row].copy(), edges.informations[row].copy(), bool(edges.robust[row])
-        if row != last:
-            for kept in edges:
-                kept[row] = kept[last]
-            self._rows[tuple(edges.pairs[row].tolist())] = row
+        for kept in edges:
+            kept[row] = kept[self._count]
         return removed
 
     def follow(self) -> None:
@@ -181,7 +185,7 @@ class Places:
 
     def edges(self) -> Edges:
         """Return all that is known of pairs, which are numbers in `held`."""
-        edges = Edges(*(kept[: len(self._rows)].copy() for kept in self._edges))
+        edges = Edges(*(kept[: self._count].copy() for kept in self._edges))
         return edges._replace(pairs=np.searchsorted(self.held, edges.pairs))
 
     def show(self, local: LocalMap, middle: np.ndarray, numbers: np.ndarray) -> None:
@@ -215,9 +219,9 @@ def _in_type(scan: Scan, kind: type[np.floating]) -> Scan:
     )
 
 
-def _doubled(kept: np.ndarray) -> np.ndarray:
-    """Return an array with twice as many rows; new ones are 0."""
-    return np.concatenate((kept, np.zeros_like(kept)))
+def _grown(kept: np.ndarray) -> np.ndarray:
+    """Return an array with a quarter more rows, which are 0."""
+    return np.concatenate((kept, np.zeros_like(kept[: len(kept) // 4])))
 
 
 class Drawing:
@@ -284,7 +288,7 @@ class Drawing:
         self._next_where = _draw(self._next, self._next_where, places, noise, end)
         if end == len(places):
             self._canvas, self._next = self._next, Canvas(self._resolution)
-            self._where = self._next_where
+            self._where, self._next_where = self._next_where, np.zeros((0, 3))
             self._is_anew = False
             self.revision += 1
 
