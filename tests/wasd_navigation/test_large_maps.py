@@ -201,6 +201,20 @@ def test_a_robot_that_comes_where_no_way_was_drawn_from_draws_one_through_gaps()
     assert left < math.inf
 
 
+def test_a_robot_off_its_way_is_led_on_across_a_building_while_that_is_drawn_again() -> None:
+    grid, goal = building(doors=(14.0, 16.0)), np.array((27.0, 15.0, 0.0))
+    surroundings = around(grid, (2.0, 14.0))
+    route = Route(goal, ROUND, base_of(DriveLimits()), PlanningParameters())
+    route.draw(surroundings)
+    while route.is_drawing:
+        route.work(np.array((2.0, 14.0, 0.0)))
+    route.draw(surroundings)
+    for pose in (np.array((2.0, 14.0, 0.0)), np.array((2.0, 10.0, 0.0))):
+        route.lead_from(pose)
+        assert route.way[0, :2] == pytest.approx(pose[:2], abs=0.1)
+        assert route.way[-1, :2] == pytest.approx(goal[:2], abs=0.2)
+
+
 @pytest.mark.parametrize('cells', range(368, 376))
 def test_the_last_wall_of_a_large_map_is_looked_at_whatever_its_size(cells) -> None:
     grid = Grid(np.zeros((cells, cells), np.int8), 0.05, (0.0, 0.0))

@@ -66,7 +66,8 @@ class Route:
         self._drawn, self._since_drawn = -1, 0.0  # revision of what is around, and its age [s]
         self._is_urgent = False
         self._rooms = Rooms()
-        self._overview: Overview | None = None
+        self._overview: Overview | None = None  # of what is drawn last, and of what is driven by
+        self._beyond: Overview | None = None
         self._is_cut_off = False  # within what is looked at of a large map
         self._kept = HARD  # of the margin, everywhere on the way
         self._taste = EASY
@@ -144,7 +145,7 @@ class Route:
                 self._draw_near(self._around)
         elif self._next is not None:
             if self._next.work(pose, budget):
-                self._now, self._next = self._next, None
+                self._now, self._next, self._beyond = self._next, None, self._overview
                 self.way = self.way[:0]
                 self._look_beyond(pose)
         elif self._now is not None and not self._now.is_done:
@@ -178,7 +179,7 @@ class Route:
     def _way_from(self, drawing: Drawing, pose: np.ndarray) -> np.ndarray:
         """Return a way from a pose by a drawing; beyond what is looked at, by the overview."""
         way = drawing.way_from(pose)
-        overview, around = self._overview, self._around
+        overview, around = self._beyond, self._around
         if overview is None or around is None or around.map_.has(self.goal[:2]) or len(way) < 2:
             return way
         places = overview.way_from(way[-2, :2])
