@@ -157,3 +157,9 @@ def test_a_wrong_key_script_is_a_users_error(read, tmp_path):
 
 def test_the_report_is_a_path(read):
     assert read('--report', 'r.json').report.path == Path('r.json')
+
+
+@pytest.mark.parametrize('ending', ['', '.yaml', '.yml', '.pgm'])
+def test_a_map_is_saved_by_its_name_without_the_ending_of_one_of_its_files(read, ending):
+    assert read('--save-map', f'here{ending}').save_map == 'here'
+    assert read('--save-map', '.yaml').save_map == '.yaml'

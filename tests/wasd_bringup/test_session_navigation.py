@@ -16,6 +16,7 @@ from wasd_bringup.run.inputs import SWITCH_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_cockpit.link import Order, Stick
 from wasd_core.errors import UserError
+from wasd_navigation.navigator import Navigator
 
 from wasd_navigation import robot_navigator
 
@@ -205,15 +206,6 @@ def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, 
 
 
 @pytest.mark.slow
-def test_what_a_driver_does_before_the_first_goal_ends_none(session_of):
-    session = session_of(goals=(GOAL,))
-    session.press('k')
-    session.simulation.reset()
-    session.simulation.advance(500)
-    assert wanted(session) == pytest.approx(0.3)
-
-
-@pytest.mark.slow
 def test_goals_that_were_to_follow_are_driven_to_after_one_that_has_failed(session_of):
     session = session_of(goals=(GOAL, GOAL))
     navigation(session).navigator.pilot.end = ('failed', 'stuck')
@@ -358,6 +350,50 @@ def test_a_goal_of_the_command_line_says_what_it_waits_for(session_of):
     dog.press('2')
     dog.simulation.advance(3000)
     assert dog.robot.refusal == 'press 5 to move: it is fixed stand'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    'fields', [{'goals': (GOAL,)}, {'explore': True}], ids=['goal', 'explore']
+)
+@pytest.mark.parametrize('end', ['key', 'velocity', 'pause', 'reset'])
+def test_what_waits_for_the_pose_is_cancelled_by_whatever_cancels_a_goal(
+    session_of, monkeypatch, fields, end
+):
+    session = session_of(**fields)
+    navigates = navigation(session)
+    monkeypatch.setattr(Navigator, 'is_placed', False)
+    session.simulation.advance(400)
+    if end == 'key':
+        session.press('k')
+    elif end == 'velocity':
+        session.robot.drive((0.0, 0.0, 0.0), 'page')
+    elif end == 'pause':
+        session.simulation.paused = True
+        session._poll(0.0)
+        session.simulation.paused = False
+    else:
+        session.simulation.reset()
+    monkeypatch.undo()
+    session.simulation.advance(1000)
+    assert navigates.navigator.goal is None
+    assert not navigates.unit.is_exploring
+    assert [goal['state'] for goal in navigates.report()['goals']] == ['cancelled'] * len(
+        fields.get('goals', ())
+    )
+
+
+@pytest.mark.slow
+def test_a_goal_waits_for_the_keys_that_make_a_go2_follow_velocities_and_says_if_none_came(
+    session_of,
+):
+    dog = session_of('go2', preset='unitree', goals=(GOAL,))
+    dog.press('2')
+    dog.simulation.advance(100)
+    navigation(dog).close()
+    (goal,) = navigation(dog).report()['goals']
+    assert goal['state'] == 'failed'
+    assert goal['reason'].startswith('it never began: ')
 
 
 @pytest.mark.slow

@@ -193,6 +193,19 @@ def test_a_goal_that_cannot_be_reached_is_refused_at_once_with_the_reason(
     assert not robot.asked.any()
 
 
+@pytest.mark.parametrize(('x', 'state'), [(2.5, 'recovering'), (30.0, 'refused')])
+def test_people_who_are_about_are_waited_for_unless_the_goal_is_off_the_map(x, state) -> None:
+    robot = wheels()
+    robot.driver.set_goal(np.array((2.0, 1.0, 0.0)))
+    robot.run(0.2)
+    around = robot.driver._around
+    around.layer.marks[20, 20], around.movers._since = 3, 0.0  # somebody has just gone by,
+    around.layer._last = np.array([[20.5, 20.5, 0.06]])  # and is in sight
+    robot.driver.set_goal(np.array((x, 1.0, 0.0)))
+    robot.driver._refuse('no way', 0.05)
+    assert robot.driver.state == state
+
+
 def test_a_goal_that_nobody_has_looked_at_is_refused() -> None:
     grid = room()
     grid.cells[30:50, 80:110] = -1

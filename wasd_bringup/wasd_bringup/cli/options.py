@@ -14,6 +14,7 @@ import errno
 from functools import partial
 import os
 from pathlib import Path
+import re
 import stat
 from typing import Any
 
@@ -359,7 +360,7 @@ OPTIONS = (
     Option(
         word='--save-map',
         help='write the map at the end: NAME.yaml, NAME.pgm and NAME.places.npz',
-        read=lambda name, word: name.removesuffix('.yaml'),
+        read=lambda name, word: re.sub(r'(?<=[^/])\.(yaml|yml|pgm)$', '', name),
         how={'metavar': 'NAME'},
     ),
     Option(

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 import logging
+import math
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class NavigationDriver:
         self.unit.send = self._send
         self.unit.say = robot.say
         self.unit.refusal = lambda: robot.refusal
-        robot.simulation.on_reset.append(self.unit.reset)
+        robot.simulation.on_reset += [self.unit.reset, lambda: self._drop('a reset')]
         self._ground = ground_of(robot, self.unit)
         robot.drivers.on_take.append(self._give_way)
         listen_to_lidar(robot, tag, self.unit.senses, self._tell_odometry)
@@ -116,12 +117,15 @@ class NavigationDriver:
 
     def leave(self) -> None:
         """End a goal when the keys go to another robot: none would end it then."""
-        self.unit.stop('the keys go to another robot')
+        why = 'the keys go to another robot'
+        self.unit.stop(why)
+        self._drop(why)
 
     def look(self) -> None:
         """End a goal when time is made to stand still."""
         if self.robot.simulation.paused:
             self.unit.stop('paused')
+            self._drop('paused')
 
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
@@ -147,9 +151,8 @@ class NavigationDriver:
 
     def disarm(self) -> None:
         """Drive no more."""
-        self._goals = ()
-        self._explores = False
         self.unit.stop('stopped by hand')
+        self._drop('stopped by hand', also_refused=True)
 
     def save(self) -> None:
         """
@@ -211,6 +214,9 @@ class NavigationDriver:
             UserError: it cannot be written.
         """
         self.unit.stop('the navigator ends')
+        why = self.robot.refusal or self.navigator.notice or 'there was no time for it'
+        for goal in self._goals:
+            self._record(goal, Outcome('failed', f'it never began: {why}'))
         if self._options.save_map:
             self.save()
 
@@ -221,6 +227,21 @@ class NavigationDriver:
     def _give_way(self, taken: Take) -> None:
         if taken.source != SOURCE:
             self.unit.stop(f'{taken.what} takes over')
+            self._drop(f'{taken.what} takes over')
+
+    def _drop(self, why: str, also_refused: bool = False) -> None:
+        """
+        Cancel what has not begun.
+
+        What waits for a robot that does not follow velocities yet, goes on waiting for the keys
+        that make it, unless it is `also_refused`.
+        """
+        if not (self._goals or self._explores) or (self.robot.refusal and not also_refused):
+            return
+        goals, self._goals, self._explores = self._goals, (), False
+        for goal in goals:
+            self._record(goal, Outcome('cancelled', why))
+        self.robot.say(f'{"the goal" if goals else "exploring"} is cancelled: {why}')
 
     def _end_goals(self, outcome: Outcome) -> None:
         if outcome.state == 'failed':
@@ -235,15 +256,18 @@ class NavigationDriver:
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
         self.robot.mute(False)
-        goal, pose = self.navigator.last_goal, self.navigator.pose
-        truth = self.robot.world.base_since_start()
+        self._record(self.navigator.last_goal.tolist(), outcome, self.navigator.elapsed)
+
+    def _record(self, goal: Sequence[float], outcome: Outcome, took: float = 0.0) -> None:
+        """Keep how a goal has ended, for the report."""
+        pose, truth = self.navigator.pose, self.robot.world.base_since_start()
         x, y, _ = truth.position.tolist()
         self._ended.append(
             {
                 't': round(self.robot.world.time, 9),
-                'goal': goal.tolist(),
+                'goal': [None if math.isnan(each) else each for each in goal],
                 **outcome._asdict(),
-                'took': round(self.navigator.elapsed, 9),
+                'took': round(took, 9),
                 'pose': None if pose is None else pose.tolist(),
                 'truth': [x, y, float(truth.rpy[2])],
                 'recoveries': self.navigator.pilot.recoveries,

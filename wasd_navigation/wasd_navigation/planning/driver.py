@@ -365,7 +365,8 @@ class Driver:
         if layer.marks.any():
             layer.forget()
             may_clear = self._around.movers.are_about or layer.is_new
-        if not may_clear or self._refused_for > _FOR_PEOPLE:
+        is_possible = route.may_be_unknown or self._around.whole_.has(route.asked[:2])
+        if not (may_clear and is_possible) or self._refused_for > _FOR_PEOPLE:
             self._end('refused', reason)
             return
         self._held_back = 0.0 if layer.is_new else _AGAIN
