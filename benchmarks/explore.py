@@ -108,9 +108,8 @@ class Ride:
     def knows(self, place: np.ndarray) -> bool:
         """Whether somebody has looked at a place of the map, shape (2,) [m]."""
         grid = self.unit.navigator.locator.grid
-        if not grid.has(place):
-            return False
-        return bool(grid.cells[tuple(grid.to_cells(place[None])[0])] != UNKNOWN)
+        seen = grid.has(place) and grid.cells[tuple(grid.to_cells(place[None])[0])] != UNKNOWN
+        return bool(seen)  # numpy's own cannot be written as JSON
 
     def go(self, goal: np.ndarray, patience: float = PATIENCE) -> dict[str, Any]:
         """Drive to a goal, given as the world has it; return how that went, by the truth."""

@@ -181,15 +181,8 @@ def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of)
         assert wanted(session) == 0.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('end', ['key', 'velocity', 'pause', 'reset'])
-def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, end):
-    session = session_of(goals=(GOAL, GOAL))
-    navigates = navigation(session)
-    navigates.navigator.pilot.end = ('failed', 'stuck')
-    while not navigates.report()['goals']:
-        session.simulation.advance(1)
-    assert navigates.navigator.goal is None
+def act(session, end):
+    """Do what cancels a goal."""
     if end == 'key':
         session.press('k')
     elif end == 'velocity':
@@ -200,6 +193,18 @@ def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, 
         session.simulation.paused = False
     else:
         session.simulation.reset()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('end', ['key', 'velocity', 'pause', 'reset'])
+def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, end):
+    session = session_of(goals=(GOAL, GOAL))
+    navigates = navigation(session)
+    navigates.navigator.pilot.end = ('failed', 'stuck')
+    while not navigates.report()['goals']:
+        session.simulation.advance(1)
+    assert navigates.navigator.goal is None
+    act(session, end)
     session.simulation.advance(500)
     assert len(navigates.report()['goals']) == 1
     assert wanted(session) == 0.0
@@ -364,16 +369,7 @@ def test_what_waits_for_the_pose_is_cancelled_by_whatever_cancels_a_goal(
     navigates = navigation(session)
     monkeypatch.setattr(Navigator, 'is_placed', False)
     session.simulation.advance(400)
-    if end == 'key':
-        session.press('k')
-    elif end == 'velocity':
-        session.robot.drive((0.0, 0.0, 0.0), 'page')
-    elif end == 'pause':
-        session.simulation.paused = True
-        session._poll(0.0)
-        session.simulation.paused = False
-    else:
-        session.simulation.reset()
+    act(session, end)
     monkeypatch.undo()
     session.simulation.advance(1000)
     assert navigates.navigator.goal is None

@@ -14,7 +14,6 @@ import errno
 from functools import partial
 import os
 from pathlib import Path
-import re
 import stat
 from typing import Any
 
@@ -171,6 +170,14 @@ def read_map(path: str, word: str) -> str:
     if path:
         read_file_name(path, word)
     return path
+
+
+def read_map_name(path: str, word: str) -> str:
+    """Return what the files of a map are called by, of which one may be given."""
+    # Here, because few runs save a map.
+    from wasd_navigation.mapping import without_ending
+
+    return str(without_ending(Path(path)))
 
 
 def read_folders(paths: Sequence[str], word: str = '--package-path') -> tuple[Path, ...]:
@@ -360,7 +367,7 @@ OPTIONS = (
     Option(
         word='--save-map',
         help='write the map at the end: NAME.yaml, NAME.pgm and NAME.places.npz',
-        read=lambda name, word: re.sub(r'(?<=[^/])\.(yaml|yml|pgm)$', '', name),
+        read=read_map_name,
         how={'metavar': 'NAME'},
     ),
     Option(

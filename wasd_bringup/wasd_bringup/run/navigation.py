@@ -58,7 +58,7 @@ class NavigationDriver:
         self.unit.send = self._send
         self.unit.say = robot.say
         self.unit.refusal = lambda: robot.refusal
-        robot.simulation.on_reset += [self.unit.reset, lambda: self._drop('a reset')]
+        robot.simulation.on_reset += [self.unit.reset, lambda: self._cancel('a reset')]
         self._ground = ground_of(robot, self.unit)
         robot.drivers.on_take.append(self._give_way)
         listen_to_lidar(robot, tag, self.unit.senses, self._tell_odometry)
@@ -117,15 +117,12 @@ class NavigationDriver:
 
     def leave(self) -> None:
         """End a goal when the keys go to another robot: none would end it then."""
-        why = 'the keys go to another robot'
-        self.unit.stop(why)
-        self._drop(why)
+        self._cancel('the keys go to another robot')
 
     def look(self) -> None:
         """End a goal when time is made to stand still."""
         if self.robot.simulation.paused:
-            self.unit.stop('paused')
-            self._drop('paused')
+            self._cancel('paused')
 
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
@@ -151,8 +148,7 @@ class NavigationDriver:
 
     def disarm(self) -> None:
         """Drive no more."""
-        self.unit.stop('stopped by hand')
-        self._drop('stopped by hand', also_refused=True)
+        self._cancel('stopped by hand', also_refused=True)
 
     def save(self) -> None:
         """
@@ -215,7 +211,8 @@ class NavigationDriver:
         """
         self.unit.stop('the navigator ends')
         why = self.robot.refusal or self.navigator.notice or 'there was no time for it'
-        for goal in self._goals:
+        goals, self._goals = self._goals, ()
+        for goal in goals:
             self._record(goal, Outcome('failed', f'it never began: {why}'))
         if self._options.save_map:
             self.save()
@@ -226,16 +223,16 @@ class NavigationDriver:
 
     def _give_way(self, taken: Take) -> None:
         if taken.source != SOURCE:
-            self.unit.stop(f'{taken.what} takes over')
-            self._drop(f'{taken.what} takes over')
+            self._cancel(f'{taken.what} takes over')
 
-    def _drop(self, why: str, also_refused: bool = False) -> None:
+    def _cancel(self, why: str, also_refused: bool = False) -> None:
         """
-        Cancel what has not begun.
+        Stop, and cancel what waits to begin.
 
-        What waits for a robot that does not follow velocities yet, goes on waiting for the keys
-        that make it, unless it is `also_refused`.
+        While the robot refuses velocities, keys may be on the way to make it follow them: then
+        what waits is kept, but with `also_refused`.
         """
+        self.unit.stop(why)
         if not (self._goals or self._explores) or (self.robot.refusal and not also_refused):
             return
         goals, self._goals, self._explores = self._goals, (), False

@@ -6,7 +6,7 @@ The picture's first row is the grid's last. Trinary: black is occupied, nearly w
 unknown.
 """
 
-from wasd_navigation.mapping.map_file import load_map, map_outputs, save_map
+from wasd_navigation.mapping.map_file import load_map, map_outputs, save_map, without_ending
 from wasd_navigation.mapping.session import load_session, save_session, session_output
 
 __all__ = [
@@ -16,4 +16,5 @@ __all__ = [
     'save_map',
     'save_session',
     'session_output',
+    'without_ending',
 ]

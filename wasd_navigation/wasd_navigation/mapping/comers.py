@@ -13,9 +13,9 @@ from wasd_navigation.se2 import transform
 # Somebody has come where all cells within this distance have been free [m], by such log-odds, of
 # two scans at least. Nearer to a wall what is seen may be the wall, from a pose that is off.
 OPEN, SURELY_FREE = 0.2, -1.0
-# There, too, if it is no farther than this from where they were in so many scans before, and all
-# is free within this [m]: who walks along a wall was in the open once. A wall that is seen from a
-# wrong pose was not there before.
+# Who walks on from there along a wall is known by where he was: no farther than this from there
+# [m], in one of so many scans before; all within the last distance [m] has to be free. A wall that
+# is seen from a wrong pose was not there before.
 REACH, BEFORE, BESIDE = 0.3, 3, 0.05
 # What was there so many scans ago, this near [m], stays: it is part of the place.
 STAYS, NEAR = 40, 0.08
@@ -44,12 +44,12 @@ class Comers:
     ) -> Scan:
         """Return a scan taken at a pose, without them; `odds` and `frame` as of `Canvas.odds`."""
         places = transform(pose, scan.ends)
-        came = scan.hits & _are_open(places, odds, frame, OPEN)
-        came[len(came) - scan.added :] = False
+        measured = scan.hits.copy()
+        measured[len(measured) - scan.added :] = False
+        came = measured & _are_open(places, odds, frame, OPEN)
         theirs = np.concatenate((np.empty((0, 2)), *self._left_out))
         if len(theirs):
-            beside = scan.hits & ~came
-            beside[len(came) - scan.added :] = False
+            beside = measured & ~came
             beside[beside] = _are_near(places[beside], theirs, REACH)
             came[beside] = _are_open(places[beside], odds, frame, BESIDE)
         before = list(self._seen)[: max(0, len(self._seen) - STAYS)]

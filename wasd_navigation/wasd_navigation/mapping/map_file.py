@@ -26,11 +26,16 @@ def map_outputs(path: Path, option: str = '') -> tuple[OutputFile, OutputFile]:
     """
     if not path.name:
         raise OutputError(f'{option} {path}: wanted a name'.strip())
-    base = path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
+    base = without_ending(path)
     text, picture = (
         OutputFile(base.with_name(base.name + ending), option) for ending in ('.yaml', '.pgm')
     )
     return text, picture
+
+
+def without_ending(path: Path) -> Path:
+    """Return what the files of a map are called by, of which one may be given."""
+    return path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
 
 
 def save_map(grid: Grid, path: Path) -> tuple[Path, Path]:

@@ -17,6 +17,7 @@ from wasd_core.map_picture import MapFileError
 from wasd_core.output_file import OutputFile
 from wasd_core.safe_files import read_file
 
+from wasd_navigation.mapping.map_file import without_ending
 from wasd_navigation.mapping.pose_graph import Edges
 from wasd_navigation.records import MOST_RAYS, Scan
 
@@ -46,7 +47,7 @@ def session_output(path: Path, option: str = '') -> OutputFile:
     Raises:
         OutputError: it cannot be written; names the `option` that asks for it.
     """
-    base = path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
+    base = without_ending(path)
     return OutputFile(base.with_name(base.name + ENDING), option)
 
 
@@ -84,7 +85,7 @@ def load_session(path: Path) -> Session:
     Raises:
         UserError: it cannot be read, or is none.
     """
-    base = path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
+    base = without_ending(path)
     file = base.with_name(base.name + ENDING)
     try:
         data = read_file(file, LARGEST_SESSION)

@@ -365,7 +365,7 @@ class Driver:
         if layer.marks.any():
             layer.forget()
             may_clear = self._around.movers.are_about or layer.is_new
-        is_possible = route.may_be_unknown or self._around.whole_.has(route.asked[:2])
+        is_possible = route.may_be_unknown or self._may_aim(route.asked)
         if not (may_clear and is_possible) or self._refused_for > _FOR_PEOPLE:
             self._end('refused', reason)
             return

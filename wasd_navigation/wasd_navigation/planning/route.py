@@ -66,8 +66,8 @@ class Route:
         self._drawn, self._since_drawn = -1, 0.0  # revision of what is around, and its age [s]
         self._is_urgent = False
         self._rooms = Rooms()
-        self._overview: Overview | None = None  # of what is drawn last, and of what is driven by
-        self._beyond: Overview | None = None
+        self._overview: Overview | None = None  # of `_next`
+        self._beyond: Overview | None = None  # of `_now`
         self._is_cut_off = False  # within what is looked at of a large map
         self._kept = HARD  # of the margin, everywhere on the way
         self._taste = EASY

@@ -36,7 +36,7 @@ _TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
 _NOT_TO_BLAME, _STANDING, _RIM = 0.2, 0.05, 0.3
 # It stands while somebody walks by so near [m]: he may turn on his heel.
 _BESIDE = 0.1
-# He may turn by so much (its cosine), to walk straight at the robot.
+# Cosine of the angle by which he may turn to walk straight at the robot.
 _TURNS_BY = 0.5
 # What is foreseen counts less by this share each second; so fast somebody may leave the line that
 # he walks on [m/s].
