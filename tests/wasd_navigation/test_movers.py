@@ -136,7 +136,8 @@ def scene(movers):
         (np.array([[0.6, 0.75, 0.0, -1.0, 0.25]]), False),  # he crosses
         (np.array([[0.6, 2.5, 0.0, -1.0, 0.25]]), True),  # it stands before he is there
         (np.array([[0.3, 0.95, -0.8, -0.6, 0.25]]), False),  # he walks by, but may turn to it
-        (np.array([[0.3, 0.95, -0.96, 0.3, 0.25]]), True),  # he would have to turn back
+        (np.array([[0.3, 0.95, -0.99, -0.1, 0.25]]), False),  # even by more than 60 degrees
+        (np.array([[0.3, 0.95, -0.9, 0.4, 0.25]]), True),  # he would have to turn back
         (np.array([[-0.5, 0.0, -1.0, 0.0, 0.25]]), False),  # he has just gone by
         (np.array([[-0.5, 0.0, 0.0, 0.0, 0.25]]), True),  # he stands behind it
     ],

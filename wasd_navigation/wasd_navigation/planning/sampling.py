@@ -36,8 +36,6 @@ _TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
 _NOT_TO_BLAME, _STANDING, _RIM = 0.2, 0.05, 0.3
 # It stands while somebody walks by so near [m]: he may turn on his heel.
 _BESIDE = 0.1
-# Cosine of the angle by which he may turn to walk straight at the robot.
-_TURNS_BY = 0.5
 # What is foreseen counts less by this share each second; so fast somebody may leave the line that
 # he walks on [m/s].
 _DOUBT, _TURNS = 0.2, 0.3
@@ -302,9 +300,9 @@ def _turn_to(state: np.ndarray, movers: np.ndarray) -> np.ndarray:
     found = 0
     for one in range(movers.shape[0]):
         x, y = state[0] - movers[one, 0], state[1] - movers[one, 1]
-        away = max(math.hypot(x, y), 1e-9)
         speed = math.hypot(movers[one, 2], movers[one, 3])
-        if speed > _TURNS and x * movers[one, 2] + y * movers[one, 3] > _TURNS_BY * speed * away:
+        if speed > _TURNS and x * movers[one, 2] + y * movers[one, 3] > 0.0:
+            away = math.hypot(x, y)
             turned[found] = movers[one]
             turned[found, 2], turned[found, 3] = speed * x / away, speed * y / away
             found += 1
