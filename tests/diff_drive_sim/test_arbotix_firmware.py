@@ -8,6 +8,7 @@ more than the ticks of the frame, e' the one before and S the sum of the errors 
 
 import math
 
+from cases import for_all
 from diff_drive_sim.arbotix import ArbotixFirmware, divide_like_c, int16, setpoints_of
 from diff_drive_sim.wheel_loop import Gains
 import pytest
@@ -42,7 +43,7 @@ def test_pwm_ends_at_255():
     assert pwm[40:] == [252, 255, 255, 255]
 
 
-@pytest.mark.parametrize(('setpoint', 'pwm'), [(4, 1), (-4, -1)])
+@for_all(('setpoint', 'pwm'), [(4, 1), (-4, -1)])
 def test_four_ticks_missing_are_four_too_few_to_be_noticed(setpoint, pwm):
     # (48 + 48) / 50 = 1.92, then 48 / 50 = 0.96, for ever.
     assert left_pwm(COURSE, setpoint, [0] * 9) == [pwm] * 9
@@ -69,12 +70,12 @@ def test_the_product_with_the_sum_has_16_bits():
     assert left_pwm(Gains(0, 0, 255, 255), 200, [0] * 2) == [0, -57]
 
 
-@pytest.mark.parametrize(('value', 'kept'), [(32767, 32767), (32768, -32768), (-32769, 32767)])
+@for_all(('value', 'kept'), [(32767, 32767), (32768, -32768), (-32769, 32767)])
 def test_16_bits_wrap(value, kept):
     assert int16(value) == kept
 
 
-@pytest.mark.parametrize('value', range(-120, 121, 7))
+@for_all('value', range(-120, 121, 7))
 def test_division_is_that_of_c(value):
     assert divide_like_c(value, 50) == math.trunc(value / 50)
 
@@ -124,7 +125,7 @@ def test_a_frame_is_34_milliseconds():
     assert changes == [1, 35, 69, 103]
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('velocity', 'setpoints'),
     [
         ((0.5, 0.0), (68, 68)),  # 68.33
@@ -139,9 +140,7 @@ def test_set_points_are_whole_ticks_in_a_thirtieth_of_a_second(velocity, setpoin
     assert setpoints_of(*velocity, 0.26, 4100.0) == setpoints
 
 
-@pytest.mark.parametrize(
-    ('wanted', 'reached'), [(0.05, 0.0275), (0.1, 0.0745), (0.2, 0.180), (0.5, 0.477)]
-)
+@for_all(('wanted', 'reached'), [(0.05, 0.0275), (0.1, 0.0745), (0.2, 0.180), (0.5, 0.477)])
 def test_speeds_it_settles_at_are_those_of_its_dead_band(wanted, reached):
     # A motor of first order: 1 m/s at full PWM, time constant 0.1 s. What it settles at depends
     # on how frames fall; a PWM step is 1/255 m/s.

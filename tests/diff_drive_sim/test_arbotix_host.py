@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from diff_drive_sim.arbotix import ArbotixHost
 import pytest
 
@@ -23,7 +24,7 @@ def test_the_next_update_is_due_a_period_after_a_late_one():
     assert [now for now, _ in run(ArbotixHost(4100.0, 0.26), 500)] == [110, 220, 330, 440]
 
 
-@pytest.mark.parametrize(('accel_limit', 'ramp'), [(0.1, [41, 68, 68]), (1.0, [68, 68, 68])])
+@for_all(('accel_limit', 'ramp'), [(0.1, [41, 68, 68]), (1.0, [68, 68, 68])])
 def test_the_ramp_is_30_times_as_steep_as_it_says(accel_limit, ramp):
     host = ArbotixHost(4100.0, 0.26, accel_limit=accel_limit)
     host.command(0.5, 0.0, 0)

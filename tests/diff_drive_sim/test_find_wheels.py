@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 from descriptions import robot_named
 from diff_drive_sim.drive import configure_wheels, DiffDrive
 from diff_drive_sim.odometry import DiffDriveError, DiffDriveGeometry, find_wheels
@@ -111,7 +112,7 @@ def test_a_wheel_may_be_turned_into_place_by_its_joint():
     assert (geometry.left_direction, geometry.right_direction) == (1, 1)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('wheels', 'message'),
     [
         ((), "'cart' has no two driven wheels on one axle: none of its joints turns freely"),
@@ -197,8 +198,8 @@ def test_wheels_may_be_balls():
     assert find_wheels(robot(*ball)).wheel_radius == 0.05
 
 
-@pytest.mark.parametrize('directions', [(1, 1), (-1, 1), (-1, -1)])
-@pytest.mark.parametrize(('linear', 'angular'), [(0.5, 0.0), (0.0, 2.0), (-0.3, 1.1)])
+@for_all('directions', [(1, 1), (-1, 1), (-1, -1)])
+@for_all(('linear', 'angular'), [(0.5, 0.0), (0.0, 2.0), (-0.3, 1.1)])
 def test_displacement_undoes_wheel_speeds(directions, linear, angular):
     geometry = DiffDriveGeometry('l', 'r', 0.06, 0.38, *directions)
     joints = geometry.flip(geometry.wheel_speeds(linear, angular))

@@ -2,6 +2,7 @@
 import math
 import random
 
+from cases import for_all
 from diff_drive_sim.limits import AxisLimits, AxisRamp
 import pytest
 
@@ -14,8 +15,8 @@ def velocities(ramp, target, duration, dt=DT):
     return [ramp.step(target, dt) for _ in range(round(duration / dt))]
 
 
-@pytest.mark.parametrize('dt', [0.001, 0.005, 0.02])
-@pytest.mark.parametrize(
+@for_all('dt', [0.001, 0.005, 0.02])
+@for_all(
     ('begin', 'target', 'slope'),
     [(0.0, 1.0, 0.5), (1.0, 0.0, -1.0), (0.0, -1.0, -0.25), (-1.0, 0.0, 2.0)],
 )
@@ -66,7 +67,7 @@ def test_a_jerk_limited_ramp_takes_as_long_as_its_trapezoid_says():
     assert arrived == pytest.approx(change / acceleration + acceleration / jerk, abs=0.003)
 
 
-@pytest.mark.parametrize('seed', range(40))
+@for_all('seed', range(40))
 def test_jerk_and_acceleration_keep_within_their_limits_and_the_target_is_not_passed(seed):
     choose = random.Random(seed)
     dt = choose.choice([0.005, 0.01, 0.02])

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot that is slower than it is told is noticed, with the share, after a steady while."""
 
+from cases import for_all
 from diff_drive_sim.limits import Velocity
 from diff_drive_sim.shortfall import MEASURED, SETTLED, Shortfall
-import pytest
 
 DT = 0.02
 STEPS = round((SETTLED + MEASURED) / DT)
@@ -17,7 +17,7 @@ def watch(asked, wheels, true, steps=STEPS + 2, half_track=0.2):
     return [line for _ in range(steps) if (line := shortfall.step(asked, wheels, true, DT))]
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('asked', 'wheels', 'true', 'line'),
     [
         ((0.5, 0.0), (0.5, 0.0), (0.5, 0.0), ''),

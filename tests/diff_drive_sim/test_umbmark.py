@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from diff_drive_sim.calibration import least_squares, SquareRun, umbmark, Wheels
 from diff_drive_sim.odometry import DiffDriveError
 import numpy as np
@@ -43,7 +44,7 @@ def test_a_robot_that_is_what_it_believes_returns_to_its_start():
     assert result.largest_error < 1e-12
 
 
-@pytest.mark.parametrize('ratio', [0.999, 1.001])
+@for_all('ratio', [0.999, 1.001])
 def test_small_errors_are_found_apart_from_each_other(ratio):
     # First order in an error of 0.1 %: what is left is a few times its square.
     wheels = Wheels(0.06, 0.06 * ratio, 0.38)
@@ -72,7 +73,7 @@ def test_the_largest_error_is_that_of_the_worse_direction():
     assert result.largest_error == pytest.approx(max(errors), rel=1e-6)
 
 
-@pytest.mark.parametrize(
+@for_all(
     'true',
     [
         Wheels(0.06, 0.06, 0.38),
@@ -81,7 +82,7 @@ def test_the_largest_error_is_that_of_the_worse_direction():
         Wheels(0.05, 0.07, 0.25),
     ],
 )
-@pytest.mark.parametrize('heading', [0.0, 2.5])
+@for_all('heading', [0.0, 2.5])
 def test_least_squares_finds_the_wheels_however_large_the_error(true, heading):
     runs = [drive(BELIEVED, true, turn, heading) for turn in (1, -1)]
     np.testing.assert_allclose(least_squares(runs), true, rtol=1e-9)

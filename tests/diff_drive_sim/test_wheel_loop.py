@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from diff_drive_sim.wheel_loop import count_ticks, Gains, WheelLoop, WheelMotor
 import pytest
 
@@ -37,9 +38,9 @@ def mean(values):
     return sum(values) / len(values)
 
 
-@pytest.mark.parametrize('gains', [ARBOTIX, COURSE])
-@pytest.mark.parametrize('load', [0.0, 1.5, -1.5])
-@pytest.mark.parametrize('wanted', [0.05, -0.05, 0.1, 0.2, 0.5])
+@for_all('gains', [ARBOTIX, COURSE])
+@for_all('load', [0.0, 1.5, -1.5])
+@for_all('wanted', [0.05, -0.05, 0.1, 0.2, 0.5])
 def test_it_settles_at_the_speed_that_is_wanted_with_any_load(wanted, load, gains):
     # arbotix's law is off by 45 % at 0.05 m/s. A load of 1.5 rad/s is that of a slope of 15
     # degrees on mbot, and more than 0.05 m/s.
@@ -48,15 +49,15 @@ def test_it_settles_at_the_speed_that_is_wanted_with_any_load(wanted, load, gain
     assert mean(wheel.run(wanted, 4.0)) == pytest.approx(wanted, rel=0.005)
 
 
-@pytest.mark.parametrize('gains', [ARBOTIX, COURSE])
-@pytest.mark.parametrize('wanted', [0.05, 0.2, 0.5])
+@for_all('gains', [ARBOTIX, COURSE])
+@for_all('wanted', [0.05, 0.2, 0.5])
 def test_a_step_overshoots_by_less_than_5_percent(wanted, gains):
     speeds = Wheel(gains).run(wanted, 3.0)
     assert max(speeds) <= 1.05 * wanted
     assert speeds[round(0.1 / DT)] >= 0.95 * wanted
 
 
-@pytest.mark.parametrize('lag', [0.5 * MOTOR.lag, 2.0 * MOTOR.lag])
+@for_all('lag', [0.5 * MOTOR.lag, 2.0 * MOTOR.lag])
 def test_nor_does_it_with_a_robot_twice_as_light_or_heavy(lag):
     assert max(Wheel(lag=lag).run(0.5, 3.0)) <= 1.05 * 0.5
 
@@ -97,6 +98,6 @@ def test_a_command_on_its_way_is_waited_for():
     assert late._behind == pytest.approx(now._behind, abs=1.0)
 
 
-@pytest.mark.parametrize(('angle', 'ticks'), [(0.0, 0), (0.49, 0), (0.51, 1), (-0.51, -1)])
+@for_all(('angle', 'ticks'), [(0.0, 0), (0.49, 0), (0.51, 1), (-0.51, -1)])
 def test_an_encoder_counts_in_the_middle_of_a_tick(angle, ticks):
     assert count_ticks(angle / SCALE, SCALE) == ticks

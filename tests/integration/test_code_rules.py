@@ -7,6 +7,7 @@ import gc
 from pathlib import Path
 import re
 
+from cases import for_all
 import long_files
 import pytest
 from source_trees import imports, modules, nodes, PACKAGES, ROOT
@@ -57,7 +58,7 @@ def homes(words: set[str]) -> set[str]:
     }
 
 
-@pytest.mark.parametrize('fact', ONE_HOME)
+@for_all('fact', ONE_HOME)
 def test_a_fact_has_one_home(fact):
     words, home = ONE_HOME[fact]
     assert homes(words) == {home}

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from typing import Any
 
+from cases import for_all
 from executables import SCRIPTS
 import pytest
 from wasd_core.command_line import Executable, split_ros_words
@@ -128,7 +129,7 @@ def test_a_node_started_by_its_module_answers_the_same(name):
     assert asked == [list(start(name, word)[:3]) for word in words]
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('words', 'own', 'ros'),
     [
         ('', '', ''),
@@ -143,7 +144,7 @@ def test_words_for_ros_end_at_two_dashes(words, own, ros):
     assert split_ros_words(words.split()) == (own.split(), ros.split())
 
 
-@pytest.mark.parametrize('name', ['teleop', 'key_publisher'])
+@for_all('name', ['teleop', 'key_publisher'])
 def test_programs_that_read_keys_save_them(name):
     given = PROGRAMS[name].read(['--save-keys', 'a.keys', '--ros-args', '-p', 'x:=1'])
     assert (given.save_keys, given.ros) == ('a.keys', ['--ros-args', '-p', 'x:=1'])

@@ -6,6 +6,7 @@ from pathlib import Path
 import re
 import sys
 
+from cases import for_all
 import pytest
 from wasd_bringup.robots import HUMANOID, ROBOTS
 from wasd_bringup.ros.foxglove import load_sdk
@@ -30,7 +31,7 @@ def strings(value):
         yield value
 
 
-@pytest.mark.parametrize('robot', ROBOTS)
+@for_all('robot', ROBOTS)
 def test_every_topic_of_a_layout_is_there(robot):
     layout = json.loads((LAYOUTS / f'{robot}.json').read_text())
     named = {text[1:].partition('.')[0] for text in strings(layout) if text.startswith('/')}
@@ -39,7 +40,7 @@ def test_every_topic_of_a_layout_is_there(robot):
     assert named <= TOPICS
 
 
-@pytest.mark.parametrize('robot', ROBOTS)
+@for_all('robot', ROBOTS)
 def test_the_panels_of_a_layout_are_those_that_are_placed(robot):
     layout = json.loads((LAYOUTS / f'{robot}.json').read_text())
 
@@ -51,7 +52,7 @@ def test_the_panels_of_a_layout_are_those_that_are_placed(robot):
     assert sorted(placed(layout['layout'])) == sorted(layout['configById'])
 
 
-@pytest.mark.parametrize('robot', ROBOTS)
+@for_all('robot', ROBOTS)
 def test_the_panel_that_drives_sends_often_enough_and_stops(robot):
     layout = json.loads((LAYOUTS / f'{robot}.json').read_text())
     panel = layout['configById']['Teleop!drive']

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 import time
 
+from cases import for_all
 from diff_drive_sim.controller_file import read_controller_file
 import pytest
 from robot_description.xacro import expand
@@ -81,7 +82,7 @@ def test_hostile_yaml_is_one_line_soon(tmp_path: Path, reader: str, name: str) -
     assert 'file.' in str(caught.value)
 
 
-@pytest.mark.parametrize('reader', ['keymap', 'controller'])
+@for_all('reader', ['keymap', 'controller'])
 def test_a_file_without_end_is_not_read_to_its_end(tmp_path: Path, reader: str) -> None:
     (tmp_path / 'file.yaml').symlink_to('/dev/zero')
     with pytest.raises(UserError, match=r'file\.yaml'):

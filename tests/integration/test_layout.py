@@ -15,6 +15,7 @@ import sys
 import textwrap
 from xml.etree import ElementTree
 
+from cases import for_all
 from executables import SCRIPTS
 import pytest
 from source_trees import ALSO_IN, data_files, imports, modules, nodes, PACKAGES, PROJECT, ROOT
@@ -159,7 +160,7 @@ def test_colcon_finds_no_other_packages():
     assert [str(path) for path in others if path not in hidden] == []
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_logic_imports_no_ros(package):
     offences = [
         f'{module} imports {name}'
@@ -189,14 +190,14 @@ def test_a_node_loads_no_simulator_and_teleop_no_robot(module, kept_out):
     assert loaded & set(kept_out) == set()
 
 
-@pytest.mark.parametrize('pattern', PROJECT['tool']['wasd']['ros_modules'])
+@for_all('pattern', PROJECT['tool']['wasd']['ros_modules'])
 def test_modules_may_know_ros_only_where_some_do(pattern):
     paths = {name: path for package in PACKAGES for name, path in modules(package).items()}
     matching = [path for name, path in paths.items() if fnmatch(name, pattern)]
     assert any(leads_to_ros(name) for path in matching for name in imports(path))
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_no_package_imports_one_above_or_beside_it(package):
     assert roots(package) & set(PACKAGES) <= below(package)
 
@@ -212,7 +213,7 @@ def test_a_circle_of_imports_would_be_found():
     assert {'wasd_bringup.run.run', 'wasd_core.errors'} <= circles(closed)
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_the_manifest_names_what_is_imported_and_nothing_above(package):
     declared = {element.text for element in manifest(package).iter('exec_depend')}
     needed = {ROSDEP_KEYS.get(root, root) for root in roots(package) - set(EXTRAS)} - {None}
@@ -288,20 +289,20 @@ def test_all_packages_have_one_version_and_the_installed_one():
     assert installed == versions['wasd_bringup']
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_the_manifest_names_its_folder_and_licence(package):
     assert manifest(package).findtext('name') == package
     assert manifest(package).findtext('license') == PROJECT['project']['license']
     assert (ROOT / package / 'resource' / package).is_file()
 
 
-@pytest.mark.parametrize('package', EXECUTABLES)
+@for_all('package', EXECUTABLES)
 def test_a_package_has_the_executables_that_users_rely_on(package):
     targets = {name for name, target in SCRIPTS.items() if target.startswith(package + '.')}
     assert targets == EXECUTABLES[package]
 
 
-@pytest.mark.parametrize('target', SCRIPTS.values())
+@for_all('target', SCRIPTS.values())
 def test_every_executable_leads_to_what_runs(target):
     module, function = target.split(':')
     tree = ast.parse(modules(module.partition('.')[0])[module].read_text())
@@ -312,7 +313,7 @@ def test_every_executable_leads_to_what_runs(target):
     assert function in callables
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_colcon_installs_every_data_file(package):
     setup = configparser.ConfigParser()
     setup.read(ROOT / package / 'setup.cfg')

@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+from cases import for_all
 from executables import SCRIPTS
 import pytest
 from wasd_bringup.cli import make_parser
@@ -24,7 +25,7 @@ def code(page: Path) -> str:
     return '\n'.join([*re.findall(r'^    (.*)$', text, re.M), *re.findall(r'`([^`\n]+)`', text)])
 
 
-@pytest.mark.parametrize('page', [*PAGES, *ROOT_PAGES], ids=str)
+@for_all('page', [*PAGES, *ROOT_PAGES])
 def test_every_link_leads_to_a_file(page):
     links = re.findall(r'\]\(([^)#:]+)\)', page.read_text())
     assert [link for link in links if not (page.parent / link).exists()] == []

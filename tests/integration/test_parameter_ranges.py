@@ -8,6 +8,7 @@ from pathlib import Path
 import random
 from typing import Any
 
+from cases import for_all
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
@@ -63,7 +64,7 @@ def flat(value: Any) -> tuple[float, ...]:
     return value if isinstance(value, tuple) else (value,)
 
 
-@pytest.mark.parametrize('home', HOMES)
+@for_all('home', HOMES)
 def test_every_number_has_two_finite_ends_and_none_is_the_least_there_is(home: str) -> None:
     for kind in sets_of(home):
         for name, (field, _) in known_parameters(kind).items():
@@ -152,7 +153,7 @@ def test_a_node_keeps_what_it_takes_and_goes_on(ask: Any, bounds: Any, ros: Any)
     assert asked > 500
 
 
-@pytest.mark.parametrize('home', HOMES)
+@for_all('home', HOMES)
 def test_a_number_that_0_leaves_to_others_is_not_next_to_0(home: str) -> None:
     for kind in sets_of(home):
         for name, (field, _) in known_parameters(kind).items():
@@ -274,7 +275,7 @@ def test_no_set_of_parameters_within_their_ranges_ends_it_or_makes_nan(
     assert 'BROKE' not in bounds.judged(run)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('read', 'text', 'message'),
     [
         (
@@ -288,7 +289,6 @@ def test_no_set_of_parameters_within_their_ranges_ends_it_or_makes_nan(
             ":2: 'base_width' is there twice, as 'wheel_separation'",
         ),
     ],
-    ids=['dotted', 'alias'],
 )
 def test_a_value_that_another_would_replace_in_silence_is_refused(
     read: Callable[[str], Any], text: str, message: str, tmp_path: Path

@@ -3,8 +3,8 @@
 
 import re
 
+from cases import for_all
 from packaging.requirements import Requirement
-import pytest
 from source_trees import PROJECT, ROOT
 import yaml
 
@@ -27,7 +27,7 @@ def rows(path):
     return found
 
 
-@pytest.mark.parametrize('path', [RUN, TEST], ids=['run', 'test'])
+@for_all('path', [RUN, TEST])
 def test_each_package_has_one_version_and_the_hash_of_each_file(path):
     assert all(hashes >= 1 for _, hashes in rows(path).values())
     assert len(rows(path)) == path.read_text().count('==')

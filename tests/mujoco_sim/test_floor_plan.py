@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A floor plan as a world: its walls and no others, few boxes, a free place to start at."""
 
+from cases import for_all
 import mujoco
 from mujoco_sim.floor_plan import find_start, make_floor_plan, merge
 from mujoco_sim.scene import add_scene
@@ -36,7 +37,7 @@ def drawn(boxes, shape, corner, cell=CELL):
     return covered
 
 
-@pytest.mark.parametrize('seed', range(8))
+@for_all('seed', range(8))
 def test_rectangles_cover_the_walls_and_nothing_else(seed):
     random = np.random.default_rng(seed)
     walls = random.random((40, 50)) < random.uniform(0.1, 0.95)
@@ -46,7 +47,7 @@ def test_rectangles_cover_the_walls_and_nothing_else(seed):
     assert ((counts > 0) == walls).all()
 
 
-@pytest.mark.parametrize('seed', range(4))
+@for_all('seed', range(4))
 def test_a_ragged_wall_is_few_boxes_that_cover_no_free_cell(seed):
     random = np.random.default_rng(seed)
     cells = np.full((60, 200), FREE, np.int8)
@@ -84,7 +85,7 @@ def test_the_walls_lie_where_the_plan_has_them_as_seen_from_the_start():
     assert built.cell == CELL
 
 
-@pytest.mark.parametrize('origin', [(-4.0, -2.5), (3.0, 2.0), (-20.0, 1.0)])
+@for_all('origin', [(-4.0, -2.5), (3.0, 2.0), (-20.0, 1.0)])
 def test_the_start_is_the_free_place_nearest_to_the_origin(origin):
     cells = hall()
     cells[20:60, 60:100] = OCCUPIED

@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+from cases import for_all
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_world, World
 import numpy as np
@@ -38,7 +39,7 @@ def arm_on_a_block(mass: float) -> World:
     return build_world(parse_description(text, Path('r.urdf')), setup=setup)
 
 
-@pytest.mark.parametrize('mass', [0.01, 0.5, 20.0])
+@for_all('mass', [0.01, 0.5, 20.0])
 def test_a_held_joint_stays_whatever_hangs_on_it(mass: float) -> None:
     world = arm_on_a_block(mass)
     positions = []

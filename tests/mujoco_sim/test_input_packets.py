@@ -4,6 +4,7 @@
 import random
 import struct
 
+from cases import for_all
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.server import InputPackets, UnknownPacket, with_mouse
 from page_puppet import input_packet, VERSION_PACKET
@@ -42,13 +43,13 @@ def test_what_is_passed_on_is_what_came_but_for_the_mouse():
     )
 
 
-@pytest.mark.parametrize('size', [0, 7, 2**20 + 1, 2**32 - 1])
+@for_all('size', [0, 7, 2**20 + 1, 2**32 - 1])
 def test_a_packet_of_an_impossible_size_is_refused(size):
     with pytest.raises(UnknownPacket, match=str(size)):
         list(InputPackets().feed(struct.pack('<IB3x', size, 2)))
 
 
-@pytest.mark.parametrize('size', [8, 615, 617])
+@for_all('size', [8, 615, 617])
 def test_input_of_another_layout_is_refused(size):
     with pytest.raises(UnknownPacket, match='616'):
         list(InputPackets().feed(struct.pack('<IB3x', size, 2) + bytes(size - 8)))

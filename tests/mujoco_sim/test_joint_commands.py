@@ -4,6 +4,7 @@
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
+from cases import for_all
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -142,7 +143,7 @@ def test_unknown_joints_are_named_with_the_known_ones():
         from_joint_commands(message, NAMES)
 
 
-@pytest.mark.parametrize('count', [0, 1, 3])
+@for_all('count', [0, 1, 3])
 def test_missing_gains_are_named(count):
     message = JointTrajectory(joint_names=list(NAMES), points=[JointTrajectoryPoint()] * count)
     with pytest.raises(InvalidMessage, match=rf'2 points \(set-point, gains\), got {count}'):

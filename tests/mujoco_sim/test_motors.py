@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motors give what their torque-speed curve allows, in the simulation, too."""
 
+from cases import for_all
 from descriptions import robot_named
 from mujoco_sim.compiled import TorqueSpeedCurve
 from mujoco_sim.robot_setup import RobotSetup
@@ -27,7 +28,7 @@ def test_at_rest_a_motor_gives_its_full_torque_both_ways():
     assert at(0.0) == (-TORQUE, TORQUE)
 
 
-@pytest.mark.parametrize('share', [0.1, 0.5, FULL_TORQUE_SHARE])
+@for_all('share', [0.1, 0.5, FULL_TORQUE_SHARE])
 def test_up_to_the_knee_of_the_curve_it_gives_its_full_torque(share):
     assert at(share * SPEED) == pytest.approx((-TORQUE, TORQUE))
 
@@ -39,13 +40,13 @@ def test_from_there_it_falls_linearly_to_none_at_the_no_load_speed():
     assert at(2.0 * SPEED)[1] == 0.0
 
 
-@pytest.mark.parametrize('speed', [10.0, 25.0, 40.0])
+@for_all('speed', [10.0, 25.0, 40.0])
 def test_braking_has_the_full_torque_at_any_speed(speed):
     assert at(speed)[0] == -TORQUE
     assert at(-speed)[1] == TORQUE
 
 
-@pytest.mark.parametrize('speed', np.linspace(0.0, 50.0, 7))
+@for_all('speed', np.linspace(0.0, 50.0, 7))
 def test_both_directions_are_alike(speed):
     lower, upper = at(speed)
     assert at(-speed) == (-upper, -lower)

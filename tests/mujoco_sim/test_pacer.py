@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 from mujoco_sim.simulation import MAXIMUM_LAG, MINIMUM_INTERVAL, Pacer
 import pytest
 
@@ -19,7 +20,7 @@ def run(pacer, wall_time, cost=0.0):
     return simulated
 
 
-@pytest.mark.parametrize('speed', [0.5, 1.0, 3.0])
+@for_all('speed', [0.5, 1.0, 3.0])
 def test_simulated_time_goes_as_fast_as_asked_for(speed):
     assert run(Pacer(speed), 2.0, cost=0.001) == pytest.approx(2.0 * speed, abs=2 * STEP)
 
@@ -41,7 +42,7 @@ def test_a_slow_host_slows_the_robot_down():
     assert run(Pacer(1.0), 2.0, cost=0.010) == pytest.approx(1.0, abs=2 * STEP)
 
 
-@pytest.mark.parametrize('speed', [0.5, 1.0, 2.0])
+@for_all('speed', [0.5, 1.0, 2.0])
 def test_after_a_standstill_of_the_host_little_is_made_up_for(speed):
     pacer = Pacer(speed)
     pacer.allowed(START, 0.0)
@@ -83,7 +84,7 @@ def test_too_short_an_interval_is_not_measured():
     assert pacer.measure(START + 1.0, 1.0) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('speed', 'reached', 'is_hurried'),
     [(1.0, 1.0, False), (1.0, 0.97, False), (1.0, 0.9, True), (0.0, 3.0, True), (4.0, 3.0, True)],
 )

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What counts as a key of the page: one press a tap, a keyboard's repeats, no ghosts."""
 
+from cases import for_all
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.input import LOST, PAGE_KEYS, PageKeys
 import pytest
@@ -128,7 +129,7 @@ def test_every_name_of_a_page_key_is_one_of_a_keyboard():
     assert {keymap.canonical_key(name) for name in names} == names
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('plain', 'shifted'), list(zip("`1234567890-=[]\\;',./", '~!@#$%^&*()_+{}|:"<>?', strict=True))
 )
 def test_shift_gives_the_character_of_a_us_keyboard(plain, shifted):

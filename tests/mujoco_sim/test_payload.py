@@ -4,6 +4,7 @@
 import dataclasses
 import math
 
+from cases import for_all
 from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
@@ -70,7 +71,7 @@ def test_a_link_may_be_called_payload_and_lie_anywhere(tmp_path):
         assert {'base/payload', 'payload/0'} <= geoms
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('words', 'said'),
     [
         ({'friction': 0.0}, 'friction must be >= 0.01 and <= 2, got 0.0'),
@@ -91,9 +92,7 @@ def test_a_payload_is_a_mass_and_where_it_is():
     assert Payload.parse('.5@0.1,-.2,3e-2') == Payload(0.5, (0.1, -0.2, 0.03))
 
 
-@pytest.mark.parametrize(
-    'text', ['', '0', '-1', '101', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@']
-)
+@for_all('text', ['', '0', '-1', '101', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@'])
 def test_anything_else_is_no_payload(text):
     with pytest.raises(UserError, match='payload: got .*, wanted KG or KG@X,Y,Z'):
         Payload.parse(text)

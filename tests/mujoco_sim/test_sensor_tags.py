@@ -2,6 +2,7 @@
 import math
 import re
 
+from cases import for_all
 from descriptions import robot_named
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
@@ -92,7 +93,7 @@ def test_a_robot_without_sensors_has_none():
     assert read_sensor_tags(loaded.robot) == ([[], [], []], [])
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('kind', 'word', 'plugin', 'topic', 'frame'),
     [
         ('ray', 'ray', '', 'scan', 'head'),
@@ -185,7 +186,7 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize('words', BROKEN)
+@for_all('words', BROKEN)
 def test_a_broken_sensor_is_left_out_with_one_line_and_the_others_stay(words):
     (lidars, cameras, _), notes = read(BROKEN[words] + lidar(name='whole'))
     assert [found.name for found in lidars] == ['whole']
@@ -234,7 +235,7 @@ def test_topics_are_made_of_what_ros_allows():
     assert camera.colour_topic == 'front_camera/image_raw'
 
 
-@pytest.mark.parametrize('asked', [False, True])
+@for_all('asked', [False, True])
 def test_the_camera_in_the_go2s_head_is_there_where_it_is_asked_for(asked):
     robot = load_robot('go2', arguments={'camera': 'true'} if asked else {}).robot
     _, cameras, _ = read_sensor_tags(robot).kinds

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from descriptions import robot_named
 from mujoco_sim.compiled import add_noise, NoiseSizes
 from mujoco_sim.noise import NoisySensors, SensorNoise
@@ -104,7 +105,7 @@ def test_the_same_seed_gives_the_same_bits():
     assert (series(4) != series(5)).any()
 
 
-@pytest.mark.parametrize('drift', [0.0, 1.0])
+@for_all('drift', [0.0, 1.0])
 def test_with_and_without_drift_what_is_white_is_drawn_in_one_order(drift):
     random = np.random.default_rng(7)
     direction = random.normal(size=3)
@@ -140,7 +141,7 @@ def test_without_an_imu_there_is_none():
     assert NoisySensors(NOISE, 0).measure(Reading(JOINTS, None)).imu is None
 
 
-@pytest.mark.parametrize('axis', [0, 1, 2])
+@for_all('axis', [0, 1, 2])
 def test_tilting_turns_about_the_axes_of_the_body(axis):
     rotation = np.zeros(3)
     rotation[axis] = 1e-4

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors import Snapshot
 from mujoco_sim.sensors.wheel_slip import slip, WheelSlip
@@ -12,7 +13,7 @@ from wasd_core.robot_io import JointCommand
 RADIUS, HALF_TRACK = 0.06, 0.19
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('rolling', 'moving', 'ratio'),
     [
         (0.5, 0.5, 0.0),

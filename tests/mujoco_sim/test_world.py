@@ -3,6 +3,7 @@ import gc
 import math
 import weakref
 
+from cases import for_all
 import mujoco
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_shared_world, build_world, World
@@ -166,9 +167,7 @@ def test_turning_wheels_drive_the_robot_forward(world):
     assert world.base().position[0] > 0.25
 
 
-@pytest.mark.parametrize(
-    'rpy', [(0.0, 0.0, 0.0), (0.3, -0.2, 2.5), (-1.0, 0.7, -3.0), (0.0, 0.0, 3.1)]
-)
+@for_all('rpy', [(0.0, 0.0, 0.0), (0.3, -0.2, 2.5), (-1.0, 0.7, -3.0), (0.0, 0.0, 3.1)])
 def test_roll_pitch_yaw_read_back(rpy):
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, rpy_matrix(*rpy).flatten())

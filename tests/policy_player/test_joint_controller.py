@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 
+from cases import for_all
 import numpy as np
 from policy_player.joint_controller import (
     FALL_TILT,
@@ -95,7 +96,7 @@ def test_it_begins_with_damping_alone():
     assert (command.kd > 0.0).all()
 
 
-@pytest.mark.parametrize('waits', [0.0, 0.1])
+@for_all('waits', [0.0, 0.1])
 def test_the_stand_goes_from_where_joints_are_to_its_pose_without_a_jump(waits):
     controller = JointController(G1_JOINTS, g1_stand(G1_JOINTS))
     begin = np.linspace(-0.5, 0.5, len(G1_JOINTS))
@@ -205,7 +206,7 @@ def test_keys_say_what_to_press():
     assert other.press('2') == 'it is in stand already'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('joints', 'changes', 'words'),
     [
         (('FL_hip_joint', 'FL_thigh_joint'), {}, 'FL_hip_joint is not in this robot'),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameter `policy` of the leg controller: alone as a node, from a file, wrong."""
 
+from cases import for_all
 from descriptions import robot_named
 from mujoco_sim.scene import AHEAD, EDGE
 import numpy as np
@@ -85,7 +86,7 @@ def test_without_a_lidar_a_network_that_sees_heights_is_refused_with_the_cure(tm
     wasd.Go2(**options, height_scan='truth')
 
 
-@pytest.mark.parametrize('given', [{'controller': True}, {'policy': 'ours'}])
+@for_all('given', [{'controller': True}, {'policy': 'ours'}])
 def test_a_run_plays_the_network_of_its_file_or_of_its_option(tmp_path, given):
     (tmp_path / 'legs.yaml').write_text('policy: ours\n')
     if 'controller' in given:

@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 
+from cases import for_all
 import numpy as np
 from policy_files import (
     constant,
@@ -251,7 +252,7 @@ def test_the_file_of_unitree_rl_gym_is_of_the_twelve_joints_of_a_g1s_legs(
     compare(policy, moments(rng, G1_ORDER), reference)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('change', 'words'),
     [
         ({'policy_path': 'pre_train/h1_2/motion.pt'}, 'policy_path.* in doubt'),
@@ -459,7 +460,7 @@ def test_the_clock_of_the_phase_begins_with_the_policy():
         observer.reset()
 
 
-@pytest.mark.parametrize(('name', 'turns'), [('height_scan', False), ('height_scan_by_row', True)])
+@for_all(('name', 'turns'), [('height_scan', False), ('height_scan_by_row', True)])
 def test_heights_are_shown_x_or_y_fastest_clipped_before_the_scale(name, turns):
     spec = replace(
         PRESETS['legged_gym'](), terms=(Term(name=name, scale=(5.0,), clip=(-1.0, 1.0)),)

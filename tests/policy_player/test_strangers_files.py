@@ -4,6 +4,7 @@
 import pickle
 import zipfile
 
+from cases import for_all
 import numpy as np
 from policy_files import (
     constant,
@@ -101,7 +102,7 @@ def test_so_is_one_of_rl_sar(tmp_path, policy, change, words):
     assert words in refusal(policy, write(tmp_path, 'config.yaml', rl_sar(MOTORS, **change)))
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('change', 'words'),
     [
         ({'joint_stiffness': 'a,b'}, 'metadata joint_stiffness'),
@@ -165,7 +166,7 @@ def test_a_pickle_is_never_run(tmp_path):
     assert not mark.exists()
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('change', 'words'),
     [
         ({'rnn': TorchModule('LSTM')}, 'wanted one chain of layers'),
@@ -180,7 +181,7 @@ def test_what_torchscript_has_beside_known_layers_is_refused(tmp_path, change, w
     assert 'export it to ONNX' in text
 
 
-@pytest.mark.parametrize('more', ['torch.tanh(', '2.0 * ('])
+@for_all('more', ['torch.tanh(', '2.0 * ('])
 def test_torchscript_that_computes_itself_is_refused(tmp_path, more):
     path = tmp_path / 'policy.pt'
     path.write_bytes(torchscript(exporter(*ZERO), FORWARD.replace('return (', f'return {more}(')))

@@ -3,11 +3,11 @@
 
 from dataclasses import replace
 
+from cases import for_all
 from policy_files import MOTORS
 from policy_player.formats import legged_gym
 from policy_player.spec import PolicySpec, Term
 from policy_player.usual import oddities, order_of, orders, variants
-import pytest
 
 POSE = (0.0, 0.8, -1.5) * 4
 # As rl_sar's Go2 of robot_lab.
@@ -52,7 +52,7 @@ def test_nothing_is_odd_about_a_public_policy():
     assert oddities(SPEC) == []
 
 
-@pytest.mark.parametrize('mistake', SILENT)
+@for_all('mistake', SILENT)
 def test_a_silent_mistake_is_told(mistake):
     spec, words = SILENT[mistake]
     assert any(words in told for told in oddities(spec))

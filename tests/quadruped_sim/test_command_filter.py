@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.command_filter import CommandFilter
@@ -20,16 +21,14 @@ def test_before_the_first_request_the_command_is_zero():
     np.testing.assert_array_equal(settle(CommandFilter(CommandParameters()), 1.0), 0.0)
 
 
-@pytest.mark.parametrize(
-    ('limits', 'wanted'), [('guide', (0.4, 0.3, 0.5)), ('sport', (2.0, 0.8, 2.0))]
-)
+@for_all(('limits', 'wanted'), [('guide', (0.4, 0.3, 0.5)), ('sport', (2.0, 0.8, 2.0))])
 def test_requests_are_clamped_to_the_preset(limits, wanted):
     parameters = CommandParameters(limits=limits, curve_acceleration=100.0)
     command_filter = CommandFilter(parameters)
     np.testing.assert_allclose(settle(command_filter, 3.0, (10.0, 10.0, 10.0)), wanted)
 
 
-@pytest.mark.parametrize('request_', [(2.0, 0.0, 2.0), (-1.5, 0.8, -2.0), (0.5, 0.0, 2.0)])
+@for_all('request_', [(2.0, 0.0, 2.0), (-1.5, 0.8, -2.0), (0.5, 0.0, 2.0)])
 def test_a_curve_too_fast_for_the_feet_is_driven_more_slowly_on_the_same_curve(request_):
     command = settle(CommandFilter(CommandParameters(curve_acceleration=2.0)), 3.0, request_)
     np.testing.assert_allclose(np.cross(command, request_), 0.0, atol=1e-9)
@@ -63,7 +62,7 @@ def test_with_half_the_grip_it_speeds_up_half_as_fast():
     np.testing.assert_allclose(settle(command_filter, 0.2, (2.0, 0.0, 0.0)), (0.2, 0.0, 0.0))
 
 
-@pytest.mark.parametrize(('behind', 'share'), [(0.35, 1.0), (0.525, 0.5), (0.7, 0.0), (2.0, 0.0)])
+@for_all(('behind', 'share'), [(0.35, 1.0), (0.525, 0.5), (0.7, 0.0), (2.0, 0.0)])
 def test_a_command_waits_for_a_robot_that_is_far_behind(behind, share):
     command_filter = CommandFilter(CommandParameters(leash=0.35))
     settle(command_filter, 0.5, (1.0, 0.0, 0.0))
@@ -72,7 +71,7 @@ def test_a_command_waits_for_a_robot_that_is_far_behind(behind, share):
     assert command_filter.step(DT)[0] - 1.0 == pytest.approx(share * 2.0 * DT, abs=1e-12)
 
 
-@pytest.mark.parametrize('velocity', [(0.0, 0.0), (2.0, 0.0), (1.0, 1.0)])
+@for_all('velocity', [(0.0, 0.0), (2.0, 0.0), (1.0, 1.0)])
 def test_a_command_to_stop_waits_for_nobody(velocity):
     command_filter = CommandFilter(CommandParameters())
     settle(command_filter, 1.0, (1.0, 0.0, 0.0))
@@ -80,7 +79,7 @@ def test_a_command_to_stop_waits_for_nobody(velocity):
     np.testing.assert_allclose(settle(command_filter, 0.5, (0.0, 0.0, 0.0)), 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize('bad', [float('nan'), float('inf')])
+@for_all('bad', [float('nan'), float('inf')])
 def test_nan_is_refused_and_changes_nothing(bad):
     command_filter = CommandFilter(CommandParameters())
     settle(command_filter, 1.0, (0.5, 0.0, 0.0))

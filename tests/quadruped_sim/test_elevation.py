@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The grid of heights around a robot: its filter, its edges, its ring buffer."""
 
+from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.elevation import DRIFT, Elevation, MOST_VOTES, RESOLUTION
@@ -31,7 +32,7 @@ def test_it_is_a_square_of_four_metres_about_the_robot_and_knows_nothing():
     assert np.isnan(elevation.at(0.1, 0.1))
 
 
-@pytest.mark.parametrize('count', [1, 2, 5, 40])
+@for_all('count', [1, 2, 5, 40])
 def test_the_variance_of_n_equal_points_is_the_n_th_part_of_one_s(count):
     elevation = Elevation()
     for _ in range(count):
@@ -144,7 +145,7 @@ def gap_seen(elevation, width, spill=2):
     return x[is_gap & (np.abs(x - 0.4 - 0.5 * width) < 0.5 * width - 0.04)]
 
 
-@pytest.mark.parametrize('width', [0.12, 0.16, 0.2])
+@for_all('width', [0.12, 0.16, 0.2])
 def test_a_gap_that_noise_has_filled_is_one_where_rays_go_below_ground(width):
     elevation = Elevation()
     for x in gap_seen(elevation, width):

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.algebra import flatten, plain
@@ -92,7 +93,7 @@ def test_in_a_curve_they_land_where_the_way_leads_and_farther_out(land):
     np.testing.assert_allclose(feet[:2], wanted, atol=2e-4)
 
 
-@pytest.mark.parametrize('yaw', [0.0, 2.0])
+@for_all('yaw', [0.0, 2.0])
 def test_a_foot_does_not_land_across_the_one_that_stands_beside_it(yaw):
     turn = yaw_matrix(yaw)
     feet = np.array(((0.2, 0.0, 0), (0.2, -0.1, 0), (-0.2, 0.1, 0), (-0.2, -0.1, 0))) @ turn.T

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.locomotion.gait import Gait
@@ -115,8 +116,8 @@ def test_in_a_walk_one_foot_after_the_other_begins_to_stand():
     assert states[-1].stance_time == pytest.approx(0.75 * period)
 
 
-@pytest.mark.parametrize('name', GAITS)
-@pytest.mark.parametrize('duty', [0.3, 0.5, 0.54, 0.6])
+@for_all('name', GAITS)
+@for_all('duty', [0.3, 0.5, 0.54, 0.6])
 def test_any_gait_ends_on_four_feet_whatever_its_duty(name, duty):
     gait = Gait(GaitParameters(name=name, slow_duty=duty))
     run(gait, 1.03)
@@ -154,7 +155,7 @@ def durations(flags):
     return DT * (ends - begins[: len(ends)])
 
 
-@pytest.mark.parametrize('name', [name for name in GAITS if name != 'trot'])
+@for_all('name', [name for name in GAITS if name != 'trot'])
 def test_chosen_while_the_legs_move_a_gait_comes_gliding(name):
     """No step is much shorter or longer than those before and after, and these are the row's."""
     gait = Gait(GaitParameters())
@@ -196,7 +197,7 @@ def test_between_two_gaits_legs_that_move_go_through_a_trot():
     assert gait.has_changed
 
 
-@pytest.mark.parametrize('name', ['walk', 'pace'])
+@for_all('name', ['walk', 'pace'])
 def test_pushed_hard_it_steps_as_in_a_trot_and_goes_back_when_it_is_calm(name):
     gait = Gait(GaitParameters(name=name))
     run(gait, 1.03)

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.estimation.heading import Heading
@@ -62,8 +63,8 @@ def test_a_robot_that_turns_over_its_feet_has_not_drifted():
     assert heading.offset == pytest.approx(before, abs=5e-4)
 
 
-@pytest.mark.parametrize('seconds', [0.0, 1.0])
-@pytest.mark.parametrize('rate', [0.1, 0.8, 3.0])
+@for_all('seconds', [0.0, 1.0])
+@for_all('rate', [0.1, 0.8, 3.0])
 def test_a_robot_turned_with_its_feet_as_they_are_has_not_drifted(rate, seconds):
     """It is twisted on ice, or carried: no gyro drifts so fast."""
     heading = Heading(EstimatorParameters())

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 import pytest
 from quadruped_sim.keys import (
     ARROWS,
@@ -195,6 +196,6 @@ def test_keys_are_called_as_on_the_drivers_keyboard(in_state):
     assert in_state(StateName.FREE_STAND, words).press('W').startswith('Z: nose down')
 
 
-@pytest.mark.parametrize('state', StateName)
+@for_all('state', StateName)
 def test_a_stop_that_nobody_pressed_names_no_key_to_press(state):
     assert KeyWords().to_stick(state, 'STOP', has_moved=False) in (None, 'sticks centred')

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import leg_stages
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from quadruped_sim.tuning import GroundParameters, ReferenceParameters
 TIMES = 0.025 * np.arange(1, 13)
 
 
-@pytest.mark.parametrize('yaw_rate', [0.0, 1.5, -2.0])
+@for_all('yaw_rate', [0.0, 1.5, -2.0])
 def test_horizon_pose_is_the_integral_of_its_rate(yaw_rate):
     reference = BaseReference(
         np.array((1.0, 2.0, 0.3)), np.array((0.0, 0.0, 0.4)), np.array((0.6, -0.2, 0.0)), yaw_rate

@@ -4,6 +4,7 @@
 from dataclasses import fields
 import math
 
+from cases import for_all
 import pytest
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.parameters import (
@@ -21,7 +22,7 @@ def test_the_go2s_parameters_stay_as_they_are():
     assert scale_parameters(PARAMETERS, GO2) == PARAMETERS
 
 
-@pytest.mark.parametrize('length', [0.7, 1.6])
+@for_all('length', [0.7, 1.6])
 def test_a_similar_robot_moves_alike(length):
     """Of the same stuff: mass grows with the cube of length."""
     mass, root = length**3, math.sqrt(length)
@@ -46,7 +47,7 @@ def test_the_wire_has_no_size():
     assert scale_parameters(PARAMETERS, Scale(2.0, 8.0)).command.timeout == 0.5
 
 
-@pytest.mark.parametrize('error', [('rad', 0), ('m', 3), ('m', 5)])
+@for_all('error', [('rad', 0), ('m', 3), ('m', 5)])
 def test_errors_that_are_alike_cost_the_same(error):
     """So that the forces of the MPC on a similar robot are the Go2's times its mass."""
     unit, index = error

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.algebra import flatten
@@ -83,9 +84,7 @@ class Looker:
         return self.feet.landing[: len(places)].copy(), rises[: len(places)]
 
 
-@pytest.mark.parametrize(
-    ('height', 'is_broken'), [(flat, False), (slope, False), (gap, False), (stairs, True)]
-)
+@for_all(('height', 'is_broken'), [(flat, False), (slope, False), (gap, False), (stairs, True)])
 def test_ground_with_steps_is_broken_and_a_plane_is_not_nor_a_gap_in_it(height, is_broken):
     looker = Looker(height)
     assert not looker.sight.is_broken
@@ -125,7 +124,7 @@ def test_on_even_ground_feet_land_where_they_would_as_blind():
     np.testing.assert_allclose(landing, [(0.193, 0.141, ABOVE)], atol=1e-9)
 
 
-@pytest.mark.parametrize('yaw', [0.0, 0.5])
+@for_all('yaw', [0.0, 0.5])
 def test_on_stairs_no_foot_lands_beside_an_edge(yaw):
     looker = Looker(stairs, x=0.1, yaw=yaw)
     looker.look()
@@ -207,7 +206,7 @@ def test_a_foot_passes_over_the_highest_ground_between_its_ends():
     assert low[0] == pytest.approx(0.05)
 
 
-@pytest.mark.parametrize('yaw', [0.0, 0.7])
+@for_all('yaw', [0.0, 0.7])
 def test_the_base_follows_the_slope_around_it(yaw):
     looker = Looker(slope, yaw=yaw)
     state = looker.look(times=100)

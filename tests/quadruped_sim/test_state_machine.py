@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-import pytest
+from cases import for_all
 from quadruped_sim.keys import (
     keys_between,
     STATE_KEYS,
@@ -40,7 +40,7 @@ def test_there_are_72_pairs():
     assert len(PAIRS) == 72
 
 
-@pytest.mark.parametrize(('state', 'key', 'wanted'), PAIRS)
+@for_all(('state', 'key', 'wanted'), PAIRS)
 def test_key_leads_where_the_table_says(state, key, wanted):
     machine = machine_in(state)
     if key == ' ':
@@ -55,8 +55,8 @@ def test_key_leads_where_the_table_says(state, key, wanted):
     assert is_taken != is_refused
 
 
-@pytest.mark.parametrize('wanted', list(StateName))
-@pytest.mark.parametrize('state', list(StateName))
+@for_all('wanted', list(StateName))
+@for_all('state', list(StateName))
 def test_the_path_from_each_state_to_each_is_legal_and_leads_there(state, wanted):
     stands = SUCCESSORS.get(state) is F and wanted is not state
     machine = machine_in(F if stands else state)  # which comes by itself

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-import pytest
+from cases import for_all
 from quadruped_sim.keys import Sticks, StickValues
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('key', 'wanted'),
     [
         ('w', StickValues(ly=0.05)),

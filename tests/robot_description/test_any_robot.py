@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from cases import for_all
 import mujoco
 from mujoco_sim.world import build_world
 import numpy as np
@@ -170,7 +171,7 @@ def test_links_without_an_inertial_weigh_nothing_whatever_their_shape():
     assert model.body_mass.sum() == 1.0
 
 
-@pytest.mark.parametrize('empty', ['', '<inertial><mass value="0"/></inertial>'])
+@for_all('empty', ['', '<inertial><mass value="0"/></inertial>'])
 def test_a_wheel_without_mass_is_refused_with_a_cure(empty):
     with pytest.raises(DescriptionError, match=r"'b' moves \(joint 'a_b'\) .* <inertial>"):
         load(link('a'), link('b', empty), joint('a', 'b'))
@@ -197,9 +198,7 @@ def test_a_robot_that_hangs_on_the_world_stays_there_with_its_whole_mass():
     assert model.body('a').weldid == model.body('world').id
 
 
-@pytest.mark.parametrize(
-    'principal', [(1.0, 1.0, 3.0), (-1.0, 1.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)]
-)
+@for_all('principal', [(1.0, 1.0, 3.0), (-1.0, 1.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)])
 def test_an_impossible_inertia_becomes_the_nearest_possible(principal):
     mended = possible_inertia(np.diag(principal), 1.0)
     assert mended is not None
@@ -209,12 +208,12 @@ def test_an_impossible_inertia_becomes_the_nearest_possible(principal):
     assert possible_inertia(mended, 1.0) is None
 
 
-@pytest.mark.parametrize('principal', [(1.0, 1.0, 1.0), (1.0, 1.0, 1.999), (2e-7, 3e-7, 4e-7)])
+@for_all('principal', [(1.0, 1.0, 1.0), (1.0, 1.0, 1.999), (2e-7, 3e-7, 4e-7)])
 def test_a_possible_inertia_stays_as_it_is(principal):
     assert possible_inertia(np.diag(principal), 1.0) is None
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('principal', 'lines'),
     [((0, 0, 0), 0), ((0, 1, 1), 0), ((1, 1, 2), 0), ((1, 1, 2.0001), 0), ((1, 1, 3), 1)],
 )
@@ -270,7 +269,7 @@ def test_a_mesh_is_read_once_to_be_measured_often_and_again_when_it_changes(
     assert len(read) == 2
 
 
-@pytest.mark.parametrize(('moment', 'is_mended'), [('1e-3', False), ('1', False), ('60', True)])
+@for_all(('moment', 'is_mended'), [('1e-3', False), ('1', False), ('60', True)])
 def test_an_inertia_of_a_body_ten_times_the_robot_becomes_that_of_a_ball(moment, is_mended):
     """A box of 1 m: a radius of gyration of 5 m is that of no link of it."""
     inertial = INERTIAL.replace('1e-3', moment)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of a robot touches what follows from its tree and its gazebo tags."""
 
+from cases import for_all
 import mujoco
 import numpy as np
 import pytest
@@ -59,9 +60,7 @@ def test_links_three_joints_apart_touch():
     assert touching(*CHAIN) == pairs('base c', 'd a', 'd b', 'd c')
 
 
-@pytest.mark.parametrize(
-    'said', ['<self_collide>0</self_collide>', '<selfCollide>false</selfCollide>']
-)
+@for_all('said', ['<self_collide>0</self_collide>', '<selfCollide>false</selfCollide>'])
 def test_a_link_that_may_not_touch_the_robot_does_not(said):
     assert touching(*CHAIN, tag('d', said)) == pairs('base c')
 

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+from cases import for_all
 import pytest
 from robot_description.describe_command import main
 
@@ -38,7 +39,7 @@ def test_info_prints_json_on_request(capsys):
     assert json.loads(capsys.readouterr().out)['root'] == 'base_footprint'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('words', 'said'),
     [
         ([], 'COMMAND'),

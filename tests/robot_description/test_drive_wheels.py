@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 
+from cases import for_all
 from descriptions import robot_named
 import pytest
 from robot_description.description import load_robot
@@ -57,7 +58,7 @@ def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
     }
 
 
-@pytest.mark.parametrize('said', [{}, {'rim': 0.7}, {'hub': 0.6}, {'hub': 0.6, 'rim': 0.7}])
+@for_all('said', [{}, {'rim': 0.7}, {'hub': 0.6}, {'hub': 0.6, 'rim': 0.7}])
 def test_a_tyre_that_is_welded_to_the_wheel_grips_as_the_wheel_does(said):
     tyre = (
         '<collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.02"/>'
@@ -87,7 +88,7 @@ def test_a_robot_without_such_wheels_is_left_alone():
     assert find_drive(robot).wheels == ()
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('shape', 'rpy', 'lowest'),
     [
         ('<sphere radius="0.1"/>', '0 0 0', 0.9),

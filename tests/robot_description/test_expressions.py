@@ -5,6 +5,7 @@ import logging
 import math
 import threading
 
+from cases import for_all
 import pytest
 from robot_description.xacro import expand, expand_document, sandbox
 from robot_description.xacro.sandbox import evaluate
@@ -19,7 +20,7 @@ FUNCTIONS = {
 }
 
 
-@pytest.mark.parametrize(
+@for_all(
     'text',
     [
         'pi / 2 + radians(30)',
@@ -57,7 +58,7 @@ def test_what_robots_need_has_pythons_value(text):
     assert evaluate(text, dict(names)) == eval(text, dict(names))
 
 
-@pytest.mark.parametrize(
+@for_all(
     'text',
     [
         '().__class__',
@@ -146,7 +147,7 @@ def test_a_file_with_every_feature_expands_as_xacro_expands_it(tmp_path):
 PARAMETERS = ('type', 'center', 'format', 'factorial', 'range', 'mro', 'vars', 'gi_frame', 'comb')
 
 
-@pytest.mark.parametrize('name', PARAMETERS)
+@for_all('name', PARAMETERS)
 def test_parameters_and_properties_may_have_any_name_that_xacro_takes(tmp_path, name):
     path = tmp_path / 'robot.xacro'
     path.write_text(

@@ -4,6 +4,7 @@
 import math
 import xml.etree.ElementTree as ElementTree
 
+from cases import for_all
 from descriptions import robot_named
 import mujoco
 import numpy as np
@@ -226,7 +227,7 @@ def test_the_feet_decide_how_they_grip_whatever_the_floor(mujoco_model):
     assert mujoco_model.geom('FL_calf/0').friction[0] == 0.2
 
 
-@pytest.mark.parametrize(('angle', 'slides'), [(28.0, False), (34.0, True)])
+@for_all(('angle', 'slides'), [(28.0, False), (34.0, True)])
 def test_a_foot_slides_where_its_own_friction_says(angle, slides):
     # atan 0.6 is 31 degrees; the floor's own friction of 1 would hold to 45.
     text = (

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-import pytest
+from cases import for_all
 from robot_description.morphology import guess_name, sides, unknown_joint_warning
 
 WHEELS = ('left_wheel_joint', 'right_wheel_joint', 'front_caster_joint')
 LEGS = tuple(f'{leg}_{part}_joint' for leg in ('FL', 'FR', 'RL', 'RR') for part in ('hip', 'calf'))
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('name', 'known', 'wanted'),
     [
         ('base_l_wheel_joint', WHEELS, 'left_wheel_joint'),
@@ -29,7 +29,7 @@ def test_the_joint_that_was_meant(name, known, wanted):
     assert guess_name(name, known) == wanted
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('name', 'wanted'),
     [
         ('left_wheel_joint', {'left'}),

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 import re
 
+from cases import for_all
 import pytest
 from robot_description.describe_command import main
 from robot_description.lint import lint
@@ -32,7 +33,7 @@ def announced(path):
     )
 
 
-@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+@for_all('path', FILES)
 def test_it_finds_what_the_fixture_announces_and_nothing_else(path):
     found = lint(path)
     files = {path, *(one.place.file for one in found)}
@@ -79,7 +80,7 @@ def test_errors_make_the_status_1(capsys):
     assert '[cycle]' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(('options', 'status'), [([], 0), (['--strict'], 1)])
+@for_all(('options', 'status'), [([], 0), (['--strict'], 1)])
 def test_warnings_make_the_status_1_under_strict(options, status):
     assert main(['lint', str(FIXTURES / 'lint/robot-name.urdf'), *options]) == status
 

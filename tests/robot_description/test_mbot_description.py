@@ -3,6 +3,7 @@
 
 import xml.etree.ElementTree as ElementTree
 
+from cases import for_all
 from descriptions import robot_named
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def test_its_sensors_are_where_the_course_has_them(mbot):
     np.testing.assert_allclose(place('camera_link'), [0.17, 0.0, 0.10])
 
 
-@pytest.mark.parametrize('variant', ['mbot', 'mbot_kinect'])
+@for_all('variant', ['mbot', 'mbot_kinect'])
 def test_an_optical_frame_looks_along_z_with_y_down(variant):
     mbot = parse_urdf(robot_named(variant).urdf)
     (frame,) = (link for link in mbot.links if link.endswith('_optical_frame'))

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 from descriptions import robot_named
 import mujoco
 import numpy as np
@@ -127,7 +128,7 @@ def test_a_joint_without_an_effort_limit_swings_freely():
     assert to_mujoco(parse_urdf(text)).compile().nu == 0
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('shape', 'size'),
     [
         ('<sphere radius="0"/>', 'a sphere of 0 m'),
@@ -203,7 +204,7 @@ def test_a_joint_keeps_its_axis_range_damping_and_friction():
     np.testing.assert_array_equal(model.jnt_actfrcrange[joint.id], [-7.0, 7.0])
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('kind', 'limit'),
     [
         ('continuous', '<limit lower="-1" upper="1"/>'),

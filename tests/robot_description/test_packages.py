@@ -5,6 +5,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from cases import for_all
 import pytest
 from robot_description.packages import EXAMPLE_ROBOT_DATA, OWN_PACKAGE, share_directory
 from robot_description.xacro import expand_document
@@ -58,7 +59,7 @@ def test_a_wheel_is_found_after_pip_install_user(tmp_path):
     assert run(find, *sources) == str(share)
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_each_of_our_packages_is_found_where_its_shared_files_are(package):
     found = share_directory(package)
     if package == OWN_PACKAGE:

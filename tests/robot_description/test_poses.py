@@ -2,6 +2,7 @@
 import math
 
 from builtin_interfaces.msg import Time
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.messages import to_transform
@@ -22,8 +23,8 @@ def to_matrix(w, x, y, z):
     )
 
 
-@pytest.mark.parametrize('axis', AXES)
-@pytest.mark.parametrize('angle', [0.0, 1e-9, 0.1, 2.0, math.pi - 1e-9, math.pi, -3.0])
+@for_all('axis', AXES)
+@for_all('angle', [0.0, 1e-9, 0.1, 2.0, math.pi - 1e-9, math.pi, -3.0])
 def test_a_quaternion_is_the_rotation_it_came_from(axis, angle):
     rotation = axis_angle(np.array(axis) / np.linalg.norm(axis), angle)
     quaternion = to_quaternion(rotation)

@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 import xml.etree.ElementTree as ElementTree
 
+from cases import for_all
 import numpy as np
 import pytest
 from robot_description.description import parse_description
@@ -98,7 +99,7 @@ def test_a_ball_on_the_lower_leg_is_the_foot() -> None:
     np.testing.assert_allclose(front.hip, (0.2, 0.05, 0.0))
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('shape', 'length', 'radius'),
     [
         (sphere('0 0 -0.02', 0.03) + sphere('0 0 -0.25'), 0.25, 0.02),  # a knee guard is no foot
@@ -124,7 +125,7 @@ def test_a_foot_link_with_a_mesh_counts_by_its_name() -> None:
     assert 0.01 < front.foot_radius < 0.05
 
 
-@pytest.mark.parametrize(('limit', 'bend'), [('lower="0.5" upper="2.5"', -1.0), ('', 1.0)])
+@for_all(('limit', 'bend'), [('lower="0.5" upper="2.5"', -1.0), ('', 1.0)])
 def test_the_knee_bends_to_where_it_may(limit: str, bend: float) -> None:
     assert [leg.bend for leg in found(dog(calf=limit)).legs] == [bend] * 4
 
@@ -160,7 +161,7 @@ def test_a_range_of_many_turns_is_not_wound_up() -> None:
 CAPSULE = '<capsule radius="0.015" length="0.21"/>'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('shape', 'down', 'radius'),
     [
         (CAPSULE, 0.225, 0.015),
@@ -177,7 +178,7 @@ def test_the_lowest_point_of_a_foot_is_that_of_its_shape(
     assert (front.calf, front.foot_radius) == pytest.approx((down, radius), abs=1e-9)
 
 
-@pytest.mark.parametrize('named', [False, True])
+@for_all('named', [False, True])
 def test_the_lowest_point_of_a_mesh_is_the_foot(tmp_path: Path, named: bool) -> None:
     """A shin that ends in a ball: its lowest point, and the ball's radius, within a millimetre."""
     import trimesh
@@ -278,7 +279,7 @@ REFUSED: list[tuple[Callable[[], str], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(('make', 'said'), REFUSED)
+@for_all(('make', 'said'), REFUSED)
 def test_what_is_no_quadruped_is_refused_with_what_was_found(
     make: Callable[[], str], said: str
 ) -> None:
@@ -288,7 +289,7 @@ def test_what_is_no_quadruped_is_refused_with_what_was_found(
     assert '\n' not in str(refusal.value)
 
 
-@pytest.mark.parametrize('name', ['imu', 'imu_link', 'trunk_imu', 'base_IMU_frame'])
+@for_all('name', ['imu', 'imu_link', 'trunk_imu', 'base_IMU_frame'])
 def test_the_imu_is_a_link_on_the_trunk_that_says_so(name: str) -> None:
     robot = parse_urdf(dog(extra=joint('j', 'body', name, '0.1 0 0.02', '1 0 0', kind='fixed')))
     assert find_imu(robot) == name

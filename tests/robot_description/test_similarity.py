@@ -4,6 +4,7 @@
 from dataclasses import replace
 import math
 
+from cases import for_all
 from descriptions import robot_named
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def resized(robot: Quadruped, length: float) -> Quadruped:
     return replace(robot, legs=legs, mass=robot.mass * length**3)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('unit', 'factor'),
     [
         ('m', 4.0), ('s', 2.0), ('m/s', 2.0), ('m/s^2', 1.0), ('1/s', 0.5), ('rad/s', 0.5),

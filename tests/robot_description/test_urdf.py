@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from robot_description.describe_command import main
@@ -24,7 +25,7 @@ def robot(*links, rest=''):
     return f'<robot name="r">{"".join(f"<link name={name!r}/>" for name in links)}{rest}</robot>'
 
 
-@pytest.mark.parametrize('rpy', ANGLES)
+@for_all('rpy', ANGLES)
 def test_rpy_turns_about_fixed_axes_x_first(rpy):
     x, y, z = np.eye(3)
     roll, pitch, yaw = rpy
@@ -38,7 +39,7 @@ def test_rpy_turns_about_fixed_axes_x_first(rpy):
     np.testing.assert_allclose(rpy_matrix(0, 0, yaw) @ x, [math.cos(yaw), math.sin(yaw), 0])
 
 
-@pytest.mark.parametrize('angle', [-2.0, 0.0, 0.5, math.pi])
+@for_all('angle', [-2.0, 0.0, 0.5, math.pi])
 def test_a_turn_keeps_its_axis_and_adds_up(angle):
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
     np.testing.assert_allclose(axis_angle(axis, angle) @ axis, axis, atol=1e-15)
@@ -104,7 +105,7 @@ def test_every_collision_shape_is_kept_in_order():
     ]
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('text', 'message'),
     [
         ('<robot', 'not well-formed XML'),
@@ -216,7 +217,7 @@ def chain(*mimics):
     return f'<robot name="r">{"".join(links)}{"".join(joints)}</robot>'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('mimics', 'words'),
     [
         (['j0'], 'circle: j0 -> j0'),
@@ -247,7 +248,7 @@ def test_the_longest_chain_is_shown(tmp_path, capsys):
     assert 'j398' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('text', ['low', 'nan', '-1', 'inf'])
+@for_all('text', ['low', 'nan', '-1', 'inf'])
 def test_a_friction_that_is_no_number_is_noted_and_has_no_effect(text):
     parsed = parse_urdf(robot('a', rest=f'<gazebo reference="a"><mu1>{text}</mu1></gazebo>'))
     assert parsed.friction == {}
@@ -277,7 +278,7 @@ def test_limits_that_are_exchanged_are_swapped_and_noted():
     assert parsed.notes == ("joint 'j': lower and upper are exchanged (0.6, -0.5): swapped",)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('edge', 'line'),
     [
         (1e-4, 'the robot reaches 0.000173 m from its root: check units, URDF has metres'),

@@ -2,6 +2,7 @@
 import math
 
 from builtin_interfaces.msg import Time
+from cases import for_all
 from geometry_msgs.msg import TwistStamped
 import pytest
 from teleop_keyboard.keys_to_twist import Velocity
@@ -20,7 +21,7 @@ def test_rolling_and_pitching_are_zero():
     assert (message.linear.z, message.angular.x, message.angular.y) == (0.4, 0.0, 0.0)
 
 
-@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+@for_all('bad', [math.nan, math.inf, -math.inf])
 def test_a_velocity_with_one_bad_component_is_not_finite(bad):
     message = to_twist(VELOCITY)
     assert is_finite(message)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import io
 
-import pytest
+from cases import for_all
 from teleop_keyboard.dashboard import bar, dashboard, KeyHints, Line, plain_line, Surroundings
 from teleop_keyboard.keymap import LAYOUTS, table_lines
 from teleop_keyboard.keymap_file import load_preset, preset_names
@@ -30,8 +30,8 @@ def text(lines):
     return '\n'.join(line.text for line in lines)
 
 
-@pytest.mark.parametrize('layout', LAYOUTS)
-@pytest.mark.parametrize('preset', preset_names())
+@for_all('layout', LAYOUTS)
+@for_all('preset', preset_names())
 def test_every_preset_fits_80_by_24(preset, layout):
     keymap = load_preset(preset, layout)
     lines = dashboard(KeysToTwist(keymap), ROBOT, 80, 24)
@@ -40,7 +40,7 @@ def test_every_preset_fits_80_by_24(preset, layout):
     assert all(line in text(lines) for line in keymap.help_lines)
 
 
-@pytest.mark.parametrize(('width', 'height'), [(1, 1), (20, 5), (40, 10), (300, 100)])
+@for_all(('width', 'height'), [(1, 1), (20, 5), (40, 10), (300, 100)])
 def test_any_window_gets_what_fits(width, height):
     lines = dashboard(driving(), ROBOT, width, height)
     assert len(lines) < max(height, 1)
@@ -76,7 +76,7 @@ def test_it_says_when_nobody_listens_and_nothing_is_known():
     assert 'says nothing on state' in text(shown)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('value', 'shown'),
     [
         (0.0, '·····│·····'),
@@ -168,7 +168,7 @@ def test_the_help_that_was_asked_for_is_all_there_in_a_small_window():
     assert page[1:] == table_lines(logic.keymap)
 
 
-@pytest.mark.parametrize('height', range(1, 30))
+@for_all('height', range(1, 30))
 def test_a_window_too_low_for_the_help_says_how_much_is_missing(height):
     logic = driving()
     page = [line.text for line in dashboard(logic, Surroundings(shows_help=True), 80, height)]
@@ -188,7 +188,7 @@ def test_a_hint_stands_beside_the_key_that_it_is_about():
     assert ' keys    last w  drive with i , j l; w is speed +10 % (? shows the keys)' in page
 
 
-@pytest.mark.parametrize('value', [float('nan'), float('inf'), -float('inf'), 1e308])
+@for_all('value', [float('nan'), float('inf'), -float('inf'), 1e308])
 def test_a_bar_draws_whatever_it_is_given(value):
     for full in (1.0, 0.0, 5e-324, float('nan')):
         assert len(bar(value, full, 11)) == 11

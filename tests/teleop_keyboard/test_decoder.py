@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import sys
 
+from cases import for_all
 import pytest
 from teleop_keyboard.decoder import KeyDecoder
 
@@ -63,7 +64,7 @@ SEQUENCES = [
 ]
 
 
-@pytest.mark.parametrize(('data', 'key'), SEQUENCES)
+@for_all(('data', 'key'), SEQUENCES)
 def test_each_sequence_is_one_key(data, key):
     decoder = KeyDecoder()
     assert decoder.feed(data) == [key]
@@ -71,7 +72,7 @@ def test_each_sequence_is_one_key(data, key):
     assert decoder.dropped == 0
 
 
-@pytest.mark.parametrize(('data', 'key'), [pair for pair in SEQUENCES if len(pair[0]) > 1])
+@for_all(('data', 'key'), [pair for pair in SEQUENCES if len(pair[0]) > 1])
 def test_a_sequence_cut_anywhere_is_still_one_key(data, key):
     for cut in range(1, len(data)):
         decoder = KeyDecoder()
@@ -108,14 +109,14 @@ def test_escape_before_another_sequence_is_not_lost():
     assert decoder.flush() == ['ESC']
 
 
-@pytest.mark.parametrize(('data', 'key'), [(b'\x1b[', 'ALT+['), (b'\x1bO', 'ALT+O')])
+@for_all(('data', 'key'), [(b'\x1b[', 'ALT+['), (b'\x1bO', 'ALT+O')])
 def test_an_introducer_alone_is_a_key_with_alt(data, key):
     decoder = KeyDecoder()
     assert decoder.feed(data) == []
     assert decoder.flush() == [key]
 
 
-@pytest.mark.parametrize(
+@for_all(
     'data',
     [
         b'\x1b[99z',  # a final letter that no key has

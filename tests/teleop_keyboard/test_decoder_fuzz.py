@@ -3,6 +3,7 @@
 
 import random
 
+from cases import for_all
 import pytest
 from teleop_keyboard.decoder import KeyDecoder
 
@@ -40,7 +41,7 @@ def sequence(rng):
     return rng.choice(INTRODUCERS) + ';'.join(fields) + rng.choice(FINALS)
 
 
-@pytest.mark.parametrize(
+@for_all(
     'data',
     [
         b'\x1b[97;1;9999999u',
@@ -79,7 +80,7 @@ def test_many_sequences_give_the_same_keys_however_they_are_cut():
     assert decode(data, cuts_of(data, rng, 5)) == whole
 
 
-@pytest.mark.parametrize('final', FINALS)
+@for_all('final', FINALS)
 def test_every_final_letter_takes_every_number(final):
     for number in ('', '0', '1', '13', '27', '57399', '1114111', '1114112', '9' * 20):
         for introducer in INTRODUCERS:

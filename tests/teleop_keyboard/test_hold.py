@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import pytest
 from teleop_keyboard.hold import KeyHold
 
@@ -28,8 +29,8 @@ def test_a_tap_counts_until_a_keyboard_would_have_repeated():
     assert end - start == pytest.approx(0.6, abs=2 * STEP)
 
 
-@pytest.mark.parametrize('delay', [0.2, 0.25, 0.5, 0.55])
-@pytest.mark.parametrize('gap', [1 / 30, 1 / 50, 1 / 15])
+@for_all('delay', [0.2, 0.25, 0.5, 0.55])
+@for_all('gap', [1 / 30, 1 / 50, 1 / 15])
 def test_a_held_key_is_held_without_a_gap_and_released_soon(delay, gap):
     presses = [0.0] + [delay + index * gap for index in range(40)]
     ((start, end),) = time_held(KeyHold(), presses, presses[-1] + 1.0)
@@ -92,7 +93,7 @@ def typed(hold, delay, gap=1 / 30, count=20, key='i'):
     return spans, presses[-1]
 
 
-@pytest.mark.parametrize('delay', [0.2, 0.25, 0.5])
+@for_all('delay', [0.2, 0.25, 0.5])
 def test_the_delay_of_the_keyboard_is_learnt_so_a_tap_counts_no_longer(delay):
     hold = KeyHold()
     typed(hold, delay)

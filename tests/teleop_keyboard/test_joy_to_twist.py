@@ -5,6 +5,7 @@ from array import array
 import math
 import random
 
+from cases import for_all
 import pytest
 from teleop_keyboard.gamepad import JoyState, JoyToTwist, JoyTwist, Pad
 from teleop_keyboard.parameters import JoyParameters, PAD_PRESETS
@@ -77,7 +78,7 @@ def random_log(chance, length):
         yield JoyState(tuple(array('f', axes))[: sizes[0]], tuple(buttons)[: sizes[1]])
 
 
-@pytest.mark.parametrize('seed', range(20))
+@for_all('seed', range(20))
 def test_a_log_gives_the_same_twists_as_the_published_law(seed):
     chance = random.Random(seed)
     values = random_parameters(chance)
@@ -108,7 +109,7 @@ def test_the_dead_man_button_let_go_is_one_zero():
     assert not logic.is_driving
 
 
-@pytest.mark.parametrize('button', [4, 5])
+@for_all('button', [4, 5])
 def test_held_over_a_hold_a_button_drives_after_it_was_let_go(button):
     logic = JoyToTwist(JoyParameters())
     axes, held = (0.0, 1.0), tuple(int(number == button) for number in range(6))
@@ -140,7 +141,7 @@ def test_turbo_is_faster_and_needs_no_other_button():
     assert logic.step(JoyState((0.0, 1.0), (0, 0, 0, 0, 0, 1))) == JoyTwist(vx=0.6)
 
 
-@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+@for_all('bad', [math.nan, math.inf, -math.inf])
 def test_a_number_that_is_none_stops_the_robot(bad):
     logic = JoyToTwist(JoyParameters())
     logic.step(JoyState((0.0, 1.0), (0, 0, 0, 0, 1)))

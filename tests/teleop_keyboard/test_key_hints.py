@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import pytest
 from teleop_keyboard.dashboard import driving_keys, KeyHints, Status, status_line
 from teleop_keyboard.keymap import LAYOUTS, NAMED_KEYS
@@ -62,7 +63,7 @@ def test_keys_that_mean_nothing_say_so_and_name_the_help():
     assert hints('mbot')[1].press(' ') == 'SPACE stops at once'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('preset', 'keys'),
     [('mbot', 'i , j l'), ('wasd', 'w s a d'), ('ramps', 'w x a d'), ('go2', 'w x r t')],
 )

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import pytest
 from teleop_keyboard.keymap import canonical_key
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('text', 'key'),
     [
         ('i', 'i'),
@@ -23,7 +24,7 @@ def test_names_in_files_mean_the_keys_of_messages(text, key):
     assert canonical_key(text) == key
 
 
-@pytest.mark.parametrize('text', ['', 'up', 'F13', 'CTRL+', 'ESCAPE', 'ii', '\x03', 'SHIFT+UPP'])
+@for_all('text', ['', 'up', 'F13', 'CTRL+', 'ESCAPE', 'ii', '\x03', 'SHIFT+UPP'])
 def test_an_unknown_name_is_an_error(text):
     with pytest.raises(ValueError, match='unknown key'):
         canonical_key(text)

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import pytest
 from teleop_keyboard.key_script import KeyPress, KeyScriptError, parse_key_script
 
@@ -29,7 +30,7 @@ def test_characters_of_the_format_have_names():
     assert sorted(keys) == sorted([' ', '*', '#', '*', '*', ' ', 'SHIFT+UP', ','])
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('line', 'message'),
     [
         ('x i', "got time 'x', wanted seconds >= 0"),

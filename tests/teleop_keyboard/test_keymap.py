@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from pathlib import Path
 
+from cases import for_all
 import pytest
 from teleop_keyboard.keymap import KeymapError
 from teleop_keyboard.keymap_file import load_preset, OPTIONAL, preset_names, read_keymap, REQUIRED
@@ -63,7 +64,7 @@ def test_ramps_is_the_table_of_keys_to_twist_with_ramps():
     assert (keymap.mode, keymap.other_keys, keymap.idle) == ('latch', 'ignore', 'repeat')
 
 
-@pytest.mark.parametrize('name', preset_names())
+@for_all('name', preset_names())
 def test_every_preset_explains_its_keys(name):
     keymap = load_preset(name)
     text = '\n'.join(keymap.help_lines)
@@ -98,7 +99,7 @@ def test_a_file_is_found_by_its_path(tmp_path):
     assert load_preset(str(path)).name == 'mine'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('old', 'new', 'line', 'message'),
     [
         ('speed: 0.2', 'speeed: 0.2', 4, 'speeed: unknown field, did you mean speed?'),
@@ -147,7 +148,7 @@ def test_an_error_names_file_line_and_key(old, new, line, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize('text', ['', '- a', 'word', '\t'])
+@for_all('text', ['', '- a', 'word', '\t'])
 def test_text_that_is_no_mapping_is_an_error(text):
     with pytest.raises(KeymapError, match='mine.yaml'):
         read_keymap(text, 'mine.yaml', 'mine')

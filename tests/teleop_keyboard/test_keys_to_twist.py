@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 import pytest
 from teleop_keyboard.hold import HELD_TIMEOUT
 from teleop_keyboard.key_script import parse_key_script
@@ -47,8 +48,8 @@ def test_holding_i_for_three_seconds_drives_speed_times_time(dt, script):
     assert max(velocity.vx for _, velocity, _ in trace) == 0.2
 
 
-@pytest.mark.parametrize('cadence', [10, 30, 100])
-@pytest.mark.parametrize(
+@for_all('cadence', [10, 30, 100])
+@for_all(
     ('preset', 'key', 'axis', 'slope'),
     [
         ('mbot', 'i', 0, 0.6),
@@ -79,7 +80,7 @@ def test_there_is_no_stutter_between_the_first_press_and_the_repeat():
     assert speeds == sorted(speeds)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('key', 'signs'),
     [
         ('u', (1, 1)),
@@ -98,7 +99,7 @@ def test_each_motion_key_of_mbot_drives_its_way(key, signs):
     assert velocity == (signs[0] * 0.2, 0.0, 0.0, signs[1] * 1.0)
 
 
-@pytest.mark.parametrize('key', ['k', ' '])
+@for_all('key', ['k', ' '])
 def test_a_stop_key_stops_without_a_ramp_and_says_so_at_once(key):
     logic = teleop()
     run(logic, '0 i*30', 1.0)
@@ -138,8 +139,8 @@ def test_speed_keys_never_start_a_motion():
     assert logic.velocity == STANDSTILL
 
 
-@pytest.mark.parametrize('idle', IDLE_POLICIES)
-@pytest.mark.parametrize('preset', preset_names())
+@for_all('idle', IDLE_POLICIES)
+@for_all('preset', preset_names())
 def test_a_speed_key_while_stopped_publishes_nothing_but_zeros(preset, idle):
     logic = teleop(preset, idle=idle)
     script = '0 ' + ' '.join(f'{key}*10' for key in logic.keymap.speed_keys or ('F1',))
@@ -212,13 +213,13 @@ def test_no_time_moves_nothing_and_a_pause_brings_no_burst():
     assert [repeating.step(0.0) for _ in range(10)] == [None] * 10
 
 
-@pytest.mark.parametrize('name', ['speed', 'scale_linear', 'linear_scale'])
+@for_all('name', ['speed', 'scale_linear', 'linear_scale'])
 def test_every_name_of_the_full_speed_is_honoured(name):
     logic = teleop(**{name: 0.1})
     assert run(logic, '0 i*30', 1.0)[-1][1].vx == 0.1
 
 
-@pytest.mark.parametrize('name', ['turn', 'scale_angular', 'angular_scale'])
+@for_all('name', ['turn', 'scale_angular', 'angular_scale'])
 def test_every_name_of_the_full_turn_rate_is_honoured(name):
     logic = teleop('ramps', **{name: 0.4})
     assert run(logic, '0 a', 1.0)[-1][1].wz == 0.4
@@ -285,8 +286,8 @@ def hold_told(logic, key, seconds):
     return velocities
 
 
-@pytest.mark.parametrize('stop', [STOP_KEY, 'k'])
-@pytest.mark.parametrize('mode', ['hold', 'latch', 'step'])
+@for_all('stop', [STOP_KEY, 'k'])
+@for_all('mode', ['hold', 'latch', 'step'])
 def test_after_a_stop_a_key_that_stays_down_drives_no_more_until_it_is_pressed_anew(stop, mode):
     logic = teleop(mode=mode)
     assert hold_told(logic, 'i', 0.5)[-1].vx > 0.1

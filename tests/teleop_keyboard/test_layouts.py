@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import pytest
 from teleop_keyboard.keymap import KeymapError, LAYOUTS, on_layout, on_qwerty, places
 from teleop_keyboard.keymap_file import (
@@ -11,9 +12,7 @@ from teleop_keyboard.keymap_file import (
 from wasd_bringup.cli import main
 
 
-@pytest.mark.parametrize(
-    ('layout', 'names'), [('azerty', 'zqsd'), ('dvorak', ',aoe'), ('qwerty', 'wasd')]
-)
+@for_all(('layout', 'names'), [('azerty', 'zqsd'), ('dvorak', ',aoe'), ('qwerty', 'wasd')])
 def test_wasd_is_where_the_hand_is(layout, names):
     assert ''.join(on_layout(key, layout) for key in 'wasd') == names
     motion = load_preset('wasd', layout).motion
@@ -21,13 +20,13 @@ def test_wasd_is_where_the_hand_is(layout, names):
     assert motion[names[1]] == (0, 0, 0, 1)
 
 
-@pytest.mark.parametrize('layout', LAYOUTS)
+@for_all('layout', LAYOUTS)
 def test_a_layout_gives_every_place_a_name_of_its_own(layout):
     table = places(layout)
     assert len(set(table.values())) == len(table) == 70
 
 
-@pytest.mark.parametrize('layout', LAYOUTS)
+@for_all('layout', LAYOUTS)
 def test_the_way_back_to_qwerty_undoes_a_layout(layout):
     for key in [*places(layout), 'UP', ' ', '1', 'CTRL+W', 'ALT+SHIFT+UP']:
         assert on_qwerty(on_layout(key, layout), layout) == key
@@ -41,8 +40,8 @@ def test_other_keys_and_modifiers_stay():
     assert [on_layout(key, 'azerty') for key in 'M<>'] == ['?', '.', '/']
 
 
-@pytest.mark.parametrize('layout', LAYOUTS)
-@pytest.mark.parametrize('name', preset_names())
+@for_all('layout', LAYOUTS)
+@for_all('name', preset_names())
 def test_every_preset_works_and_explains_itself_on_every_keyboard(name, layout):
     keymap = load_preset(name, layout)
     there = load_preset(name)

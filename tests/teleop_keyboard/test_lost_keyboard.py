@@ -4,6 +4,7 @@
 import signal
 import time
 
+from cases import for_all
 import pytest
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL
@@ -15,8 +16,8 @@ KEYS = ('-m', 'teleop_keyboard.key_publisher_node')
 
 
 # A key that is not heard of again: in mode hold it ends when it should have repeated, at 0.6 s.
-@pytest.mark.parametrize(('mode', 'learnt'), [('hold', 0.6), ('latch', 1e9), ('step', 1e9)])
-@pytest.mark.parametrize('timeout', [0.3, 0.5, 2.0])
+@for_all(('mode', 'learnt'), [('hold', 0.6), ('latch', 1e9), ('step', 1e9)])
+@for_all('timeout', [0.3, 0.5, 2.0])
 def test_no_key_counts_longer_than_the_time_out_in_any_mode(mode, learnt, timeout):
     logic = KeysToTwist(load_preset('mbot'), TeleopParameters(mode=mode, key_timeout=timeout))
     logic.press('i')

@@ -2,6 +2,7 @@
 import itertools
 import math
 
+from cases import for_all
 import pytest
 from teleop_keyboard.hold import combine
 from teleop_keyboard.key_script import parse_key_script
@@ -77,7 +78,7 @@ def sign(value):
     return 0 if value == 0.0 else math.copysign(1, value)
 
 
-@pytest.mark.parametrize('key', GO2_MOTION)
+@for_all('key', GO2_MOTION)
 def test_each_motion_key_of_go2_has_its_exact_signs(key):
     logic = teleop('go2')
     hold(logic, [key], 1.5)
@@ -96,7 +97,7 @@ def test_go2_has_the_keys_of_the_tutorial_and_no_more():
     assert (keymap.speed, keymap.turn) == (0.8, 0.8)
 
 
-@pytest.mark.parametrize(('key', 'way'), TWIST_KEYBOARD_MOTION.items())
+@for_all(('key', 'way'), TWIST_KEYBOARD_MOTION.items())
 def test_each_key_of_twist_keyboard_drives_strafes_or_lifts(key, way):
     logic = teleop('twist_keyboard')
     hold(logic, [key], 1.5)
@@ -119,7 +120,7 @@ def test_up_counts_with_forward_and_ramps_as_it():
     assert math.hypot(*logic.velocity[:3]) == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize('key', GO2_SPEED)
+@for_all('key', GO2_SPEED)
 def test_the_speed_keys_of_go2_clamp_two_axes_and_never_move(key):
     logic = teleop('go2')
     for _ in range(200):
@@ -164,7 +165,7 @@ MODES = [
 ]
 
 
-@pytest.mark.parametrize(('mode', 'keys', 'shares'), MODES)
+@for_all(('mode', 'keys', 'shares'), MODES)
 def test_the_mode_says_how_long_a_key_counts(mode, keys, shares):
     logic = teleop('wasd', mode=mode)
     for key, (speed, turn) in zip(keys, shares, strict=True):

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import pytest
 from teleop_keyboard.mux import DEFAULT_LOCKS, DEFAULT_SOURCES, Mux, MuxInput
 from wasd_core.parameters import InvalidParameter
@@ -68,7 +69,7 @@ def test_a_message_in_the_cycle_of_the_loss_makes_the_zero_needless():
     assert not mux.step(0.6)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('lock', 'source_name', 'masked'),
     [
         ('pause', 'navigation', True),
@@ -137,9 +138,7 @@ def test_the_table_may_change_while_it_runs():
     assert mux.selected == 'navigation'
 
 
-@pytest.mark.parametrize(
-    'field', [{'topic': ''}, {'timeout': -1.0}, {'timeout': float('nan')}, {'priority': 256}]
-)
+@for_all('field', [{'topic': ''}, {'timeout': -1.0}, {'timeout': float('nan')}, {'priority': 256}])
 def test_a_row_that_cannot_be_is_rejected(field):
     with pytest.raises(InvalidParameter, match=next(iter(field))):
         MuxInput(**{'name': 'x', 'topic': 'x', **field})

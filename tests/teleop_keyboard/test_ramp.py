@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 import pytest
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist, Pace, ramped_twist, STANDSTILL, Velocity
@@ -19,7 +20,7 @@ def pace(**changes):
     return Pace(**{**values, **changes})
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('previous', 'target', 'reached'),
     [
         (STANDSTILL, Velocity(1, -1, 0.5, 1), (0.1, -0.1, 0.1, 0.2)),  # speeding up
@@ -59,7 +60,7 @@ def test_no_time_changes_nothing_and_much_time_arrives():
         assert ramped_twist(start, target, ramps, 1e3) == target
 
 
-@pytest.mark.parametrize('cadence', [10, 30, 100])
+@for_all('cadence', [10, 30, 100])
 def test_slopes_by_parameter_are_kept_at_any_cadence_and_a_stop_key_bypasses_them(cadence):
     parameters = TeleopParameters(linear_accel=0.4, linear_stop=0.8)
     logic = KeysToTwist(load_preset('mbot'), parameters)

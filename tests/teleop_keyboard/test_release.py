@@ -8,6 +8,7 @@ with a preset's ramp it is the start of the ramp that comes then.
 
 import time
 
+from cases import for_all
 import pytest
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap_file import load_preset
@@ -39,7 +40,7 @@ def told_hold(start, end):
     return [(start, 'i'), *held, (end, 'RELEASE+i')]
 
 
-@pytest.mark.parametrize('held', [0.005, 0.03, 0.1, 0.37, 2.0])
+@for_all('held', [0.005, 0.03, 0.1, 0.37, 2.0])
 def test_a_told_release_is_a_zero_within_50_ms(held):
     messages = published(told_hold(0.1, 0.1 + held), 4.0, **NO_RAMP)
     zeros = [when for when, velocity in messages if velocity == STANDSTILL]
@@ -56,7 +57,7 @@ def test_with_the_ramp_of_a_preset_a_told_release_brakes_within_50_ms():
     assert messages[-1][0] - 1.1 <= 0.2 / 0.6 + 2 * STEP
 
 
-@pytest.mark.parametrize('delay', [0.25, 0.5])
+@for_all('delay', [0.25, 0.5])
 def test_a_key_that_repeats_shows_no_zero_until_150_ms_after_its_last_repeat(delay):
     repeats = [0.1 + delay + index / 30 for index in range(30)]
     messages = published([(when, 'i') for when in [0.1, *repeats]], 4.0, **NO_RAMP)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-import pytest
+from cases import for_all
 from teleop_keyboard.dashboard import Status, status_line
 
 CLOCK = '12.3 s x1.00'
 STATUS = Status('passive', ('now +0.00 m/s', 'full 0.20 m/s'), 'press 2 (w does nothing here)')
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('width', 'line'),
     [
         (

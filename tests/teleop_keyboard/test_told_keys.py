@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys that a terminal tells to be down are down as long as it goes on telling."""
 
+from cases import for_all
 import pytest
 from teleop_keyboard.decoder import KeyDecoder
 from teleop_keyboard.told_keys import ToldKeys
@@ -38,7 +39,7 @@ def test_a_press_that_does_not_repeat_ends_after_0_6_s_with_a_stop():
     assert events == ['RELEASE+i', 'STOP']
 
 
-@pytest.mark.parametrize('delay', [0.2, 0.5, 0.59])
+@for_all('delay', [0.2, 0.5, 0.59])
 def test_a_key_that_repeats_ends_0_3_s_after_its_last_repeat_and_not_before(delay):
     events = held('105u', 'i', 0.1, delay, 30)
     ((end, ended),) = end_of(ToldKeys(), events)

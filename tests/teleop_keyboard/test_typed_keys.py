@@ -3,6 +3,7 @@
 
 import random
 
+from cases import for_all
 import pytest
 from teleop_keyboard.decoder import CharacterDecoder, KeyDecoder
 from teleop_keyboard.typed_keys import PASTE_BEGIN, PASTE_END, PASTE_TIMEOUT, TypedKeys
@@ -28,7 +29,7 @@ def test_a_pasted_megabyte_is_a_stop_and_no_key(decoder, size):
     assert taken(TypedKeys(decoder()), reads(b'i' * MEGABYTE, size)) == ['STOP']
 
 
-@pytest.mark.parametrize('rate', [400.0, 1000.0, 10_000.0])
+@for_all('rate', [400.0, 1000.0, 10_000.0])
 def test_text_over_a_slow_line_is_stopped_before_0_3_s(rate):
     typed, count, now = TypedKeys(KeyDecoder()), 0.0, 0.0
     while 'STOP' not in typed.take(b'i' * (int(count + rate * PERIOD) - int(count)), PERIOD):
@@ -37,7 +38,7 @@ def test_text_over_a_slow_line_is_stopped_before_0_3_s(rate):
     assert taken(typed, [b'i' * int(rate * PERIOD)] * 1000) == []
 
 
-@pytest.mark.parametrize('rate', [15.0, 30.0, 50.0, 90.0])
+@for_all('rate', [15.0, 30.0, 50.0, 90.0])
 def test_a_key_that_is_held_is_never_taken_for_text(rate):
     typed = TypedKeys(KeyDecoder())
     counts = [
@@ -78,7 +79,7 @@ def test_ctrl_c_comes_through_a_text_where_the_terminal_tells_it_as_a_key():
     assert 'i' not in keys
 
 
-@pytest.mark.parametrize('seed', range(20))
+@for_all('seed', range(20))
 def test_a_marked_paste_is_no_key_however_the_bytes_are_cut(seed):
     rng = random.Random(seed)
     text = bytes(rng.choice(b'iwasd 0123456789\x1b[u~\n') for _ in range(rng.randrange(3000)))

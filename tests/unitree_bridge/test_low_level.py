@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from unitree_bridge.cdr import Layout
@@ -45,7 +46,7 @@ def test_unitree_s_order_of_the_legs_is_its_own_inverse():
     assert all(map(np.array_equal, twice, command))
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('wrong', 'reason'),
     [
         (low_cmd(is_sealed=False), 'checksum: got 0x00000000, wanted 0x'),
@@ -65,7 +66,7 @@ def test_what_is_no_command_is_refused_in_words(wrong, reason):
         read_low_command(wrong)
 
 
-@pytest.mark.parametrize('sign', [1.0, -1.0])
+@for_all('sign', [1.0, -1.0])
 def test_a_stop_value_is_no_aim_whatever_its_gain(sign):
     read = read_low_command(low_cmd(sign * POSITION_STOP, sign * VELOCITY_STOP, 1.5, 60.0, 5.0))
     assert read.command.effort == pytest.approx(np.full(12, 1.5))

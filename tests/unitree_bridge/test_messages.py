@@ -5,6 +5,7 @@ import json
 import random
 import struct
 
+from cases import for_all
 import numpy as np
 import pytest
 from unitree_bridge.cdr import decode, encode, Layout
@@ -31,14 +32,14 @@ def golden(name):
     return (GOLDEN / f'{name}.cdr').read_bytes(), values
 
 
-@pytest.mark.parametrize('name', SIZES)
+@for_all('name', SIZES)
 def test_a_message_is_the_sdk_s_byte_for_byte(name):
     raw, values = golden(name)
     assert encode(getattr(shapes, name.upper()), values) == raw
     assert len(raw) == SIZES[name]
 
 
-@pytest.mark.parametrize('name', SIZES)
+@for_all('name', SIZES)
 def test_what_is_read_is_written_the_same(name):
     shape, (raw, _) = getattr(shapes, name.upper()), golden(name)
     assert encode(shape, decode(shape, raw)) == raw
@@ -53,7 +54,7 @@ def test_a_height_map_is_laid_out_as_its_idl_says():
     assert raw == b'\x00\x01\x00\x00' + head + data.tobytes()
 
 
-@pytest.mark.parametrize('name', ['low_cmd', 'low_state'])
+@for_all('name', ['low_cmd', 'low_state'])
 def test_the_checksum_is_the_sdk_s(name):
     raw, values = golden(name)
     checksum = Checksum(Layout(getattr(shapes, name.upper())))
@@ -79,7 +80,7 @@ def test_the_checksum_is_that_of_its_definition():
     assert Checksum(layout).of(raw) == by_hand(words[:-1])
 
 
-@pytest.mark.parametrize('bit', [0, 8 * 300, 8 * 700 + 5])
+@for_all('bit', [0, 8 * 300, 8 * 700 + 5])
 def test_one_wrong_bit_changes_the_checksum(bit):
     raw, _ = golden('low_cmd')
     changed = bytearray(raw)
@@ -99,7 +100,7 @@ def test_padding_is_no_part_of_the_checksum():
     assert Checksum(layout).of(changed) == Checksum(layout).of(raw)
 
 
-@pytest.mark.parametrize('name', ['low_cmd', 'low_state', 'sport_mode_state'])
+@for_all('name', ['low_cmd', 'low_state', 'sport_mode_state'])
 def test_numbers_are_where_the_layout_says(name):
     shape, (raw, values) = getattr(shapes, name.upper()), golden(name)
     layout = Layout(shape)
@@ -110,7 +111,7 @@ def test_numbers_are_where_the_layout_says(name):
     assert layout.size == SIZES[name]
 
 
-@pytest.mark.parametrize('name', SIZES)
+@for_all('name', SIZES)
 def test_half_messages_and_other_encodings_are_refused_in_words(name):
     shape, (raw, _) = getattr(shapes, name.upper()), golden(name)
     for size in range(len(raw) - 1):
@@ -120,7 +121,7 @@ def test_half_messages_and_other_encodings_are_refused_in_words(name):
         decode(shape, b'\x00\x00' + raw[2:])
 
 
-@pytest.mark.parametrize('name', ['request', 'response'])
+@for_all('name', ['request', 'response'])
 def test_a_length_beyond_the_message_makes_no_room_for_it(name):
     raw, _ = golden(name)
     longest = raw[:-8] + b'\xff' * 8
@@ -128,7 +129,7 @@ def test_a_length_beyond_the_message_makes_no_room_for_it(name):
         decode(getattr(shapes, name.upper()), longest)
 
 
-@pytest.mark.parametrize('seed', range(3))
+@for_all('seed', range(3))
 def test_anything_is_a_message_or_refused(seed):
     rng = random.Random(seed)
     for name in SIZES:

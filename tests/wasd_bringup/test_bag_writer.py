@@ -7,6 +7,7 @@ from pathlib import Path
 import random
 
 from builtin_interfaces.msg import Time
+from cases import for_all
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
 import pytest
@@ -146,7 +147,7 @@ def test_latched_topics_are_recorded_as_latched(tmp_path: Path) -> None:
     reader.close()
 
 
-@pytest.mark.parametrize(
+@for_all(
     'kind',
     [
         'nav_msgs/msg/Odometry',

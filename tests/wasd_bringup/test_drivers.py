@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+from cases import for_all
 import pytest
 from wasd_bringup.run.drivers import Drivers, E_STOP, Held, right_of, SILENCE
 
@@ -143,7 +144,7 @@ def test_a_stop_key_always_counts(drivers):
     assert drivers.take('keys', key=' ')
 
 
-@pytest.mark.parametrize('source', SOURCES)
+@for_all('source', SOURCES)
 def test_nothing_counts_while_a_stop_holds_and_nothing_held_counts_after_it(source):
     drivers = make(holds_stops=True)
     drivers.stop('page')

@@ -6,6 +6,7 @@ import queue
 import socket
 import threading
 
+from cases import for_all
 import pytest
 from wasd_bringup.ros import foxglove_gate
 from wasd_bringup.ros.foxglove_gate import Gate, who_may_not
@@ -18,7 +19,7 @@ def request(*lines):
     return '\r\n'.join(('GET / HTTP/1.1', *lines, '', '')).encode()
 
 
-@pytest.mark.parametrize(
+@for_all(
     'lines',
     [
         MINE,
@@ -33,7 +34,7 @@ def test_foxglove_this_machine_and_programs_may_pass(lines):
     assert who_may_not(request(*lines)) is None
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('lines', 'who'),
     [
         ((*MINE, 'Origin: https://evil.example'), 'https://evil.example'),

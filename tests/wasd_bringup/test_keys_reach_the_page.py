@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every key that means something to a robot or to a run can be pressed on the page."""
 
+from cases import for_all
 from mujoco_sim.viewer.input import PAGE_KEYS
-import pytest
 from quadruped_sim.keys import STATE_KEYS, STICK_KEYS, ZERO_KEYS
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.keymap_file import load_preset, preset_names
@@ -11,7 +11,7 @@ from wasd_bringup.run.inputs import RESET_KEY, SWITCH_KEY
 NAMES = {name for pair in PAGE_KEYS.values() for name in pair}
 
 
-@pytest.mark.parametrize('preset', preset_names())
+@for_all('preset', preset_names())
 def test_every_key_of_a_preset_is_on_the_page(preset):
     assert set(load_preset(preset).keys) <= NAMES
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import types
 
+from cases import for_all
 from diff_drive_sim.parameters import DiffDriveParameters
 from executables import SCRIPTS
 from mujoco_sim.parameters import SimulatorParameters
@@ -213,9 +214,7 @@ def test_the_keyboard_of_the_go2_shows_its_keys_as_wasd_does(launch_file):
     assert keyboard.parameters['help'].splitlines() == list(unitree_help('qwerty'))
 
 
-@pytest.mark.parametrize(
-    'path', sorted((ROOT / 'wasd_bringup/rviz').glob('*.rviz')), ids=lambda path: path.stem
-)
+@for_all('path', sorted((ROOT / 'wasd_bringup/rviz').glob('*.rviz')))
 def test_rviz_shows_topics_that_exist(path):
     shown = re.findall(r'^ +(?:Topic|Value): ([a-z_/]+)$', path.read_text(), re.M)
     assert {'robot_description', 'odom'} <= set(shown)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--lidar` in a run: what is measured is as it says."""
 
+from cases import for_all
 import numpy as np
-import pytest
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('lidar', 'times', 'rate'), [('honest', True, 5.5), ('ideal', False, 5.5), ('s2', True, 10.0)]
 )
 def test_a_scan_is_of_one_instant_or_of_a_turn_by_its_name(lidar, times, rate):

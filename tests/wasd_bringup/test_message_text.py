@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseStamped
 import pytest
@@ -41,7 +42,7 @@ def test_long_arrays_and_texts_are_cut_unless_asked_for_whole() -> None:
     assert to_plain(message)['position'] == [0.0] * 200
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('path', 'text'),
     [
         ('pose.position.x', '2.5\n'),
@@ -63,15 +64,13 @@ def test_an_element_is_found_by_its_index() -> None:
         field_of(message, 'position[2]')
 
 
-@pytest.mark.parametrize(
-    'path', ['pose.positio', 'pose..x', 'position.x', '', 'pose.position.x.y']
-)
+@for_all('path', ['pose.positio', 'pose..x', 'position.x', '', 'pose.position.x.y'])
 def test_a_wrong_path_is_refused(path: str) -> None:
     with pytest.raises(UserError, match='--field'):
         field_of(PoseStamped(), path)
 
 
-@pytest.mark.parametrize('text', ['1e-1', '1E-1', '+1.e-1', '0.1', '1.0e-01'])
+@for_all('text', ['1e-1', '1E-1', '+1.e-1', '0.1', '1.0e-01'])
 def test_a_number_may_have_an_exponent_as_people_write_it(text: str) -> None:
     pose = PoseStamped()
     fill(pose, yaml.safe_load(f'{{pose: {{position: {{x: {text}}}}}}}'), find_message)
@@ -91,7 +90,7 @@ def test_what_was_written_fills_the_same_message_again() -> None:
     assert covariance.orientation_covariance.tolist() == list(range(9))
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('message', 'values', 'said'),
     [
         (SetBool.Request(), {'dat': True}, 'did you mean data'),
@@ -133,16 +132,14 @@ def test_the_rate_is_the_closed_form_of_its_gaps() -> None:
     )
 
 
-@pytest.mark.parametrize('name', ['', 'a b', '/a//b', '1st', 'a/'])
+@for_all('name', ['', 'a b', '/a//b', '1st', 'a/'])
 def test_what_is_no_name_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(UserError) as caught:
         full_name(name)
     assert '\n' not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    'name', ['String', 'std_msgs/srv/String', 'no_msgs/msg/A', 'std_msgs/Strin']
-)
+@for_all('name', ['String', 'std_msgs/srv/String', 'no_msgs/msg/A', 'std_msgs/Strin'])
 def test_what_is_no_type_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(UserError) as caught:
         find_type(name, 'msg')

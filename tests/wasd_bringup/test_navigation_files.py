@@ -4,6 +4,7 @@
 import ast
 from pathlib import Path
 
+from cases import for_all
 from descriptions import robot_named
 from mujoco_sim.sensors.table import read_sensor_tags
 import pytest
@@ -66,7 +67,7 @@ def test_no_name_is_kept_that_no_file_has(known):
     assert set(known) == set().union(*(parameters(name) for name in FILES))
 
 
-@pytest.mark.parametrize('robot', ROBOTS)
+@for_all('robot', ROBOTS)
 def test_frames_are_the_robots_and_the_lidars_range_is_its_own(robot):
     loaded, found = robot_named(robot), parameters(*ROBOTS[robot])
     bases = {value for name, value in found.items() if name.split('.')[-1] in BASES}
@@ -80,7 +81,7 @@ def test_frames_are_the_robots_and_the_lidars_range_is_its_own(robot):
 BASES = ('base_frame', 'base_frame_id', 'robot_base_frame')
 
 
-@pytest.mark.parametrize('robot', ROBOTS)
+@for_all('robot', ROBOTS)
 def test_scans_and_velocities_are_our_topics(robot):
     found = parameters(*ROBOTS[robot])
     assert found['collision_monitor.cmd_vel_out_topic'] == mux()['topics.navigation.topic']
@@ -164,7 +165,7 @@ def test_with_a_map_nav2_localises_in_it_and_makes_none(launch_file):
     assert 'online_async_launch.py' not in nodes
 
 
-@pytest.mark.parametrize('robot', ROBOTS)
+@for_all('robot', ROBOTS)
 def test_amcl_begins_where_a_simulated_robot_starts_in_a_map_that_it_made(robot):
     found = parameters(*ROBOTS[robot])
     assert found['amcl.set_initial_pose'] is True

@@ -4,6 +4,7 @@
 from pathlib import Path
 import socket
 
+from cases import for_all
 from mujoco_sim.scene import TERRAINS
 from mujoco_sim.scene import WORLDS as PLAIN
 import pytest
@@ -91,7 +92,7 @@ def test_a_file_of_the_users_that_is_the_world_is_offered_too():
     assert restart(world='my/house.xml').start.worlds == (*WORLDS, 'my/house.xml')
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('options', 'why'),
     [
         ({'words': ()}, 'not started by its command'),

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A namespace on the command line: what is kept apart with it."""
 
-import pytest
+from cases import for_all
 from wasd_bringup.ros.home import with_own_frames
 
 OWN = ['-r', '/clock:=clock', '-r', '/tf:=tf', '-r', '/tf_static:=tf_static']
 NAMESPACE = ['--ros-args', '-r', '__ns:=/robot1']
 
 
-@pytest.mark.parametrize('words', [[], ['--ros-args', '-p', 'speed:=2.0']])
+@for_all('words', [[], ['--ros-args', '-p', 'speed:=2.0']])
 def test_without_a_namespace_nothing_is_added(words):
     assert with_own_frames(words) == words
 

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from mujoco_sim.parameters import BoxSize
 import pytest
 from wasd_bringup.run.inputs import (
@@ -40,7 +41,7 @@ def test_what_is_not_finite_is_let_through_to_the_controller():
     assert command.velocity[1] == math.inf
 
 
-@pytest.mark.parametrize(
+@for_all(
     'line',
     ['1 2 3', '1 2 3 4 5', 'soon 0 0 0', '-1 0 0 0', 'nan 0 0 0', '1 halt', '1 0 0 left', '1'],
 )
@@ -63,14 +64,14 @@ PUSHES = {
 }
 
 
-@pytest.mark.parametrize('text', PUSHES)
+@for_all('text', PUSHES)
 def test_a_push_is_five_numbers_or_eight_and_is_written_as_it_was_read(text):
     push = parse_push(text)
     assert push == PUSHES[text]
     assert parse_push(push_text(push)) == push
 
 
-@pytest.mark.parametrize(
+@for_all(
     'text',
     ['', '1 2 3 4', '1 2 3 4 5 6', '1 2 3 4 5 6 7', '1 0 0 0 1 0 0 inf', '1 0 0 0 1 0 0 0 0']
     + ['x 0 0 0 1', '1 nan 0 0 1', '1 0 0 0 -1', '-1 0 0 0 1'],
@@ -87,14 +88,14 @@ BOXES = {
 }
 
 
-@pytest.mark.parametrize('text', BOXES)
+@for_all('text', BOXES)
 def test_a_box_is_three_four_or_six_numbers_and_is_written_as_it_was_read(text):
     box = parse_box(text)
     assert box == BOXES[text]
     assert parse_box(box_text(box)) == box
 
 
-@pytest.mark.parametrize(
+@for_all(
     'text',
     ['', '1', '1 2', '1 2 3 4 5', '1 2 3 4 5 6 7', 'x 0 0', '1 nan 0', '-1 0 0', '1 0 0 inf']
     + ['1 0 0 0 0 1', '1 0 0 0 1 -1', '1 0 0 0 1 nan'],

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_bringup.ros.face import make_ros_run
@@ -30,8 +31,8 @@ while True:
 BUSY = 'while True: pass'
 
 
-@pytest.mark.parametrize('factor', [0.1, 1.0, 5.0])
-@pytest.mark.parametrize('took', [0.001, 0.05, 0.3, 2.0])
+@for_all('factor', [0.1, 1.0, 5.0])
+@for_all('took', [0.001, 0.05, 0.3, 2.0])
 def test_the_next_look_at_messages_is_near_in_simulated_time(took, factor):
     times, now, simulated = MessageTimes(), 0.0, 0.0
     longest, looked_at = 0.0, 0.0

@@ -4,9 +4,9 @@
 import math
 from types import SimpleNamespace
 
+from cases import for_all
 import mujoco
 import numpy as np
-import pytest
 from wasd_cockpit.scene import HIGHER, lift_to_see, SEEN_ABOVE, SEEN_SHARE
 
 # It stands in the origin, with parts around its middle that are before it from any side.
@@ -46,14 +46,14 @@ def test_a_robot_whose_base_is_on_the_floor_or_in_it_is_seen():
     assert lift(wall(-1.0, 0.8), place=place) > 0.0
 
 
-@pytest.mark.parametrize('azimuth', range(-180, 180, 45))
+@for_all('azimuth', range(-180, 180, 45))
 def test_nothing_in_the_way_lifts_nothing(azimuth):
     assert lift('', azimuth) == 0.0
     # What is behind the robot hides nothing.
     assert lift(wall(0.8, 3.0)) == 0.0
 
 
-@pytest.mark.parametrize('height', [0.6, 0.8, 1.3, 1.8])
+@for_all('height', [0.6, 0.8, 1.3, 1.8])
 def test_past_a_wall_it_is_the_first_step_that_clears_it(height):
     needed = math.degrees(math.atan2(height - SEEN_ABOVE * SIZE, 1.0)) + ELEVATION
     assert 0.0 < needed <= lift(wall(-1.0, height), yaw=math.pi / 2) < needed + HIGHER

@@ -6,6 +6,7 @@ from pathlib import Path
 import random
 import re
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_cockpit.cockpit import Cockpit, load_settings, save_settings, usual_path
@@ -41,7 +42,7 @@ KEYBOARD = Path(__file__).parents[2] / 'docs/keyboard.md'
 SIZES = [(1280, 720), (1920, 1080), (390, 844), (844, 500), (1024, 768), (900, 600)]
 
 
-@pytest.mark.parametrize('count', [0, 1, 4, 5, 6, 13])
+@for_all('count', [0, 1, 4, 5, 6, 13])
 def test_the_history_is_the_last_rows_in_order(count):
     history = History(length=5, width=2)
     rows = [np.array([number, -number]) for number in range(count)]
@@ -111,7 +112,7 @@ def test_bars_of_stance_are_the_runs_of_the_flags():
     assert runs(times, np.zeros((7, 2))) == []
 
 
-@pytest.mark.parametrize('count', [1, 2, 125, 126, 500])
+@for_all('count', [1, 2, 125, 126, 500])
 def test_lines_are_thinned_to_what_is_seen_and_end_with_the_last_sample(count):
     history = np.arange(float(count))[:, None]
     assert 1 <= len(thin(history)) <= MOST_POINTS
@@ -124,8 +125,8 @@ def test_many_points_are_on_the_page_where_each_is():
     np.testing.assert_allclose(view.all_to_page(points), [view.to_page(*p) for p in points])
 
 
-@pytest.mark.parametrize('height', [40, 90, 400])
-@pytest.mark.parametrize('reach', REACHES)
+@for_all('height', [40, 90, 400])
+@for_all('reach', REACHES)
 def test_the_map_has_lines_whatever_its_size_and_few_of_them(height, reach):
     view = FloorView(Rect(0.0, 0.0, 600.0, height), PlanarPose(), reach)
     step = grid_step(view.scale)
@@ -134,7 +135,7 @@ def test_the_map_has_lines_whatever_its_size_and_few_of_them(height, reach):
     assert 600.0 / (step * view.scale) <= 30.0
 
 
-@pytest.mark.parametrize('size', SIZES)
+@for_all('size', SIZES)
 def test_windows_are_on_the_page_and_cover_neither_each_other_nor_the_scene(size):
     layout = Layout()
     layout.resize(*size)
@@ -149,7 +150,7 @@ def test_windows_are_on_the_page_and_cover_neither_each_other_nor_the_scene(size
             ) <= max(one.top, other.top)
 
 
-@pytest.mark.parametrize('size', SIZES)
+@for_all('size', SIZES)
 def test_each_panel_can_be_shown_and_is_shown_when_the_page_comes_again(size):
     layout = Layout()
     layout.resize(*size)
@@ -199,7 +200,7 @@ def test_a_place_where_nothing_can_be_kept_is_told_and_no_reason_to_fail(tmp_pat
     assert caplog.text.count('forgets') == 1
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('environment', 'path'),
     [
         ({'HOME': '/home/a'}, '/home/a/.config/wasd/cockpit.json'),
@@ -212,7 +213,7 @@ def test_settings_are_where_other_programs_have_theirs(environment, path):
     assert str(usual_path(environment)) == path
 
 
-@pytest.mark.parametrize(
+@for_all(
     'kept',
     [
         {'tabs': 1, 'shown': 2, 'share': 'x', 'camera': 3, 'plots': []},
@@ -270,7 +271,7 @@ def test_higher_ground_is_brighter():
     assert brightness[-1] > 3.0 * brightness[0]
 
 
-@pytest.mark.parametrize('steps', [0, 1, 3, 6])
+@for_all('steps', [0, 1, 3, 6])
 def test_the_scale_holds_all_heights_but_single_wrong_ones(steps):
     random = np.random.default_rng(steps)
     treads = 0.15 * random.integers(0, steps + 1, (100, 100))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who publishes at one rate from messages of another: the same instants for all."""
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.timing import Beat
@@ -19,7 +20,7 @@ def test_two_that_begin_at_different_times_pick_the_same_instants():
     np.testing.assert_allclose(np.diff(first[1:]), 0.02, atol=1e-9)
 
 
-@pytest.mark.parametrize('rate', [10.0, 30.0, 50.0, 60.0])
+@for_all('rate', [10.0, 30.0, 50.0, 60.0])
 def test_the_mean_rate_is_the_one_asked_for(rate):
     assert len(picked(TIMES, rate)) == pytest.approx(4.0 * rate, abs=1)
 

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import pytest
 from wasd_core.timing import judge_stamp
 
@@ -22,7 +23,7 @@ def test_without_a_time_out_none_is_too_old():
     assert judge_stamp(1.0, 50.0, 0.0).age == 49.0
 
 
-@pytest.mark.parametrize(('ahead', 'is_said'), [(0.05, False), (3600.0, True)])
+@for_all(('ahead', 'is_said'), [(0.05, False), (3600.0, True)])
 def test_one_from_the_future_is_of_now_so_that_it_times_out_like_any(ahead, is_said):
     age, note = judge_stamp(50.0 + ahead, 50.0, 0.5)
     assert age == 0.0

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A stream of readings is slow by its intervals, not by gaps among them."""
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.feed import Feed, Feeds, FEWEST, INTERVALS
@@ -14,7 +15,7 @@ def fed(feed, rate, seconds, begin=0.0):
     return float(stamps[-1])
 
 
-@pytest.mark.parametrize('rate', [1.0, 50.0, 250.0, 333.3, 399.0])
+@for_all('rate', [1.0, 50.0, 250.0, 333.3, 399.0])
 def test_less_than_four_fifths_of_the_rate_is_slow(rate):
     feed = Feed(500.0)
     fed(feed, rate, INTERVALS / rate)
@@ -22,7 +23,7 @@ def test_less_than_four_fifths_of_the_rate_is_slow(rate):
     assert feed.rate == pytest.approx(rate)
 
 
-@pytest.mark.parametrize('rate', [401.0, 500.0, 1000.0])
+@for_all('rate', [401.0, 500.0, 1000.0])
 def test_more_is_not(rate):
     feed = Feed(500.0)
     fed(feed, rate, 1.0)
@@ -79,7 +80,7 @@ def test_a_stream_that_begins_again_is_judged_by_itself():
     assert not feed.is_slow
 
 
-@pytest.mark.parametrize(('rate', 'is_slow'), [(30.0, True), (39.0, True), (45.0, False)])
+@for_all(('rate', 'is_slow'), [(30.0, True), (39.0, True), (45.0, False)])
 def test_what_is_slow_depends_on_the_rate_that_is_wanted(rate, is_slow):
     """50 Hz, as a network wants them."""
     feed = Feed(50.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-import pytest
+from cases import for_all
 from wasd_core.timing import brief, Notice
 
 
@@ -40,7 +40,7 @@ def test_said_again_it_stands_as_long_again():
     assert notice.text == 'press 2'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('text', 'short'),
     [
         ('press 2 (w does nothing here)', 'press 2'),

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 
+from cases import for_all
 import pytest
 from wasd_core.errors import attempt_all, UserError
 from wasd_core.output_file import check_apart, OutputError, OutputFile
@@ -175,7 +176,7 @@ def test_standard_output_is_written_to_where_it_stands(tmp_path, name):
     assert (tmp_path / 'printed').read_text() == 'before\ndata\nafter True\n'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('name', 'reason'),
     [
         ('.', 'wanted a file in a folder that exists'),

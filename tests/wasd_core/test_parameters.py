@@ -2,6 +2,7 @@
 from dataclasses import dataclass, fields, FrozenInstanceError, replace
 import math
 
+from cases import for_all
 import pytest
 from wasd_core.parameters import InvalidParameter, numeric_ends, parameter, Parameters
 
@@ -19,12 +20,12 @@ def test_defaults_are_legal():
     assert Arm() == Arm(speed=1.0, gain=0.5, count=3, mode='hold', loud=False)
 
 
-@pytest.mark.parametrize('speed', [1e-9, 2.0])
+@for_all('speed', [1e-9, 2.0])
 def test_values_up_to_the_bounds_are_taken(speed):
     assert Arm(speed=speed).speed == speed
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('values', 'message'),
     [
         ({'speed': 0.0}, 'speed must be > 0 and <= 2 m/s, got 0.0'),
@@ -44,8 +45,8 @@ def test_an_illegal_value_says_what_came_and_what_is_wanted(values, message):
     assert str(caught.value) == message
 
 
-@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize('name', ['speed', 'gain'])
+@for_all('value', [math.nan, math.inf, -math.inf])
+@for_all('name', ['speed', 'gain'])
 def test_what_is_not_finite_is_refused_with_and_without_bounds(name, value):
     # An acceleration of inf would turn into NaN in the first step of 0 s.
     with pytest.raises(InvalidParameter, match=f'{name} must be a finite number'):
@@ -108,7 +109,7 @@ def test_lists_are_kept_as_tuples():
     assert (leg.variances, leg.joints) == ((1.0, 2.5), ('a', 'b'))
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('key', 'value', 'message'),
     [
         ('knee.max', 0.0, 'knee.max must be > 0 m/s, or NaN: off, got 0.0'),
@@ -142,7 +143,7 @@ class Gaits(Parameters):
     free: float = parameter(1.0, doc='', above=0.0, below=2.0)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('key', 'value', 'message'),
     [
         ('period', 0.2, 'period must be >= 0.3 and <= 0.6 s, got 0.2'),
@@ -157,7 +158,7 @@ def test_what_people_give_lies_in_the_span_and_an_error_says_it(key, value, mess
         assert str(caught.value) == message
 
 
-@pytest.mark.parametrize('end', [0, 1])
+@for_all('end', [0, 1])
 def test_both_ends_of_a_span_are_taken(end):
     period, gains, _ = (numeric_ends(field)[end] for field in fields(Gaits))
     taken = Gaits.from_mapping({'period': period, 'gains': gains})
@@ -176,10 +177,9 @@ def test_the_ends_of_a_number_are_those_that_belong_to_it():
     assert free == (math.nextafter(0.0, 1.0), math.nextafter(2.0, 0.0))
 
 
-@pytest.mark.parametrize(
+@for_all(
     'value',
     ['x' * 10_000, list(range(10_000)), 10**5000, -(10**400)],
-    ids=['x', 'list', 'huge', 'low'],
 )
 def test_what_came_is_shown_on_one_line_that_is_not_too_long(value):
     with pytest.raises(InvalidParameter) as caught:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is seen from a base that moves is where it is."""
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.pose_track import PoseTrack
@@ -25,7 +26,7 @@ def filled(start: float, end: float) -> PoseTrack:
     return track
 
 
-@pytest.mark.parametrize('start', [0.0, 1.9])  # at the second the quaternion changes its sign
+@for_all('start', [0.0, 1.9])  # at the second the quaternion changes its sign
 def test_a_point_that_stands_is_in_one_place_whenever_it_was_seen(start):
     times = start + np.random.default_rng(1).uniform(0.01, 0.4, 50)
     seen = []

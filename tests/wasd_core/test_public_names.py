@@ -3,12 +3,13 @@
 
 import importlib
 
+from cases import for_all
 import pytest
 
 PACKAGES = ('mujoco_sim', 'robot_description', 'teleop_keyboard', 'wasd_core')
 
 
-@pytest.mark.parametrize('name', PACKAGES)
+@for_all('name', PACKAGES)
 def test_every_public_name_is_there_and_no_other(name):
     package = importlib.import_module(name)
     assert 5 <= len(package.__all__) <= 15

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+from cases import for_all
 import pytest
 from wasd_core.network import claim, claim_domain, join_domain, namespaces_of, running, SOCKETS
 
@@ -189,7 +190,7 @@ def test_who_joins_keeps_a_domain_of_the_users():
     assert (join_domain(environment), environment) == ('', {'ROS_DOMAIN_ID': '9'})
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('arguments', 'namespaces'),
     [
         ([], ['/']),

@@ -3,7 +3,7 @@
 
 import xml.etree.ElementTree as ElementTree
 
-import pytest
+from cases import for_all
 from wasd_core.network import keep_to_this_machine, PROFILE, PROFILES_FILE, RANGE
 
 FAST = 'rmw_fastrtps_cpp'
@@ -20,13 +20,13 @@ def test_who_has_said_nothing_is_bound_to_this_machine():
     assert kept({RANGE: ''}) == kept({}), 'ROS takes an empty text for none, too'
 
 
-@pytest.mark.parametrize('value', ['OFF', 'LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT'])
+@for_all('value', ['OFF', 'LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT'])
 def test_a_range_of_the_users_stays(value):
     assert kept({RANGE: value}) == {}
     assert kept({'ROS_LOCALHOST_ONLY': '1'}) == {}
 
 
-@pytest.mark.parametrize('name', [PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'])
+@for_all('name', [PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'])
 def test_peers_and_profiles_of_the_users_stay(name):
     assert kept({name: 'mine'}) == {RANGE: 'LOCALHOST'}
 

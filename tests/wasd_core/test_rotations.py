@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import mujoco
 import numpy as np
 import pinocchio
@@ -42,7 +43,7 @@ def test_cross_is_the_cross_product(rng):
     np.testing.assert_allclose(cross(a, b), np.cross(a, b))
 
 
-@pytest.mark.parametrize('seed', range(5))
+@for_all('seed', range(5))
 def test_a_world_vector_is_seen_from_a_turned_frame_as_its_matrix_says(seed):
     random = np.random.default_rng(seed)
     quaternion = random.normal(size=4)

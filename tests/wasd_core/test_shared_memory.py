@@ -12,6 +12,7 @@ import threading
 import time
 import types
 
+from cases import for_all
 import pytest
 from wasd_core.errors import UserError
 from wasd_core.network import do_without_shared_memory, PROFILE, PROFILES_FILE, RANGE, UDP_PROFILE
@@ -96,7 +97,7 @@ def test_what_a_killed_node_leaves_goes_when_it_is_dead_but_not_before(isolated_
     )
 
 
-@pytest.mark.parametrize('name', ['fastrtps_port7411', 'sem.fastrtps_port7649_mutex'])
+@for_all('name', ['fastrtps_port7411', 'sem.fastrtps_port7649_mutex'])
 def test_an_empty_port_or_lock_of_the_domain_is_not_to_be_waited_for(name, tmp_path):
     assert why_no_shared_memory(0, tmp_path) == ''
     (tmp_path / name).touch()

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import unicodedata
 
+from cases import for_all
 import pytest
 from wasd_core.streams import visible, visible_lines
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('text', 'shown'),
     [
         ('trotting', 'trotting'),

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import pytest
 from wasd_core.timing import Watchdog
 
@@ -12,7 +13,7 @@ def test_a_source_that_was_never_heard_is_dead_whatever_the_time_out():
     assert not Watchdog(0.0).is_alive
 
 
-@pytest.mark.parametrize('dt', [1e-4, 0.1, 0.25, 7.0])
+@for_all('dt', [1e-4, 0.1, 0.25, 7.0])
 def test_the_time_out_is_the_same_however_long_the_steps_are(dt):
     watchdog = Watchdog(0.5)
     watchdog.hear()

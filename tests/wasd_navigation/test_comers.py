@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_navigation.mapping.comers import Comers
@@ -52,7 +53,7 @@ class Drive:
             self.step(math.copysign(STEP, way))
 
 
-@pytest.mark.parametrize('speed', [0.7, 1.0, 1.5])
+@for_all('speed', [0.7, 1.0, 1.5])
 def test_somebody_who_walks_ahead_in_a_corridor_does_not_pull_the_pose_along(speed):
     drive = Drive()
     drive.go(8.0)

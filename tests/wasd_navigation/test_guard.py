@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.rotations import Pose
@@ -85,7 +86,7 @@ def test_far_from_everything_a_command_is_as_it_was() -> None:
     assert guarded.action == ''
 
 
-@pytest.mark.parametrize(('action', 'share'), [('slowdown', 0.5), ('stop', 0.0)])
+@for_all(('action', 'share'), [('slowdown', 0.5), ('stop', 0.0)])
 def test_a_guard_may_slow_down_or_stop_instead(action: str, share: float) -> None:
     guard = guard_of(wall(0.65), action_type=action)
     guarded = guard.step(np.array((0.5, 0.0, 0.0)), at(), DT)
@@ -101,7 +102,7 @@ def test_no_faster_than_it_can_stop() -> None:
     assert speed * reaction + 0.5 * speed**2 / BRAKING[0] <= room + 1e-6
 
 
-@pytest.mark.parametrize('room', [0.0, 0.005, 0.02])
+@for_all('room', [0.0, 0.005, 0.02])
 def test_near_a_wall_it_may_go_away_and_turn_but_come_no_nearer(room: float) -> None:
     guard = guard_of(wall(0.2 + room))
     for asked in ((-0.3, 0.0, 0.0), (0.0, 0.0, 1.0), (-0.3, 0.0, 0.5)):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keepout areas are planned with as obstacles, but a robot that stands inside finds out."""
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_navigation.keepout import KEEPOUT, Keepout
@@ -28,7 +29,7 @@ def mask(low, high, **size):
 BAND = mask((0.5, -1.0), (1.0, 2.5))
 
 
-@pytest.mark.parametrize(('resolution', 'count'), [(0.05, 1), (0.0125, 4), (0.2, 0.25)])
+@for_all(('resolution', 'count'), [(0.05, 1), (0.0125, 4), (0.2, 0.25)])
 def test_cells_are_kept_out_of_whatever_the_sizes_of_both(resolution, count):
     area = mask(
         (0.5, -1.0), (1.0, 1.0), rows=round(100 * count), columns=round(120 * count),
@@ -64,7 +65,7 @@ def test_a_mask_beside_the_map_changes_nothing():
     assert far.applied(before, np.zeros(3)) is before
 
 
-@pytest.mark.parametrize('footprint', [ROUND, Footprint(half_length=0.34, half_width=0.164)])
+@for_all('footprint', [ROUND, Footprint(half_length=0.34, half_width=0.164)])
 def test_a_robot_inside_has_a_way_out_and_only_there(footprint):
     area = mask((-1.5, -1.5), (2.0, 1.5))
     keepout, pose = Keepout(area, footprint), np.array([1.4, 0.0, 0.0])

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
@@ -44,7 +45,7 @@ def overview(goal, grid: Grid, place=(1.0, 1.0)) -> Overview:
     return found
 
 
-@pytest.mark.parametrize('place', [(1.0, 1.0), (15.0, 15.0), (29.0, 3.0)])
+@for_all('place', [(1.0, 1.0), (15.0, 15.0), (29.0, 3.0)])
 def test_no_more_than_a_window_of_a_large_map_is_looked_at(place) -> None:
     grid = building()
     looked = around(grid, place)
@@ -170,7 +171,7 @@ def corridor(length: float) -> Grid:
     return Grid(cells, 0.05, (-4.0, -2.0))
 
 
-@pytest.mark.parametrize('length', [0.4, 1.0])
+@for_all('length', [0.4, 1.0])
 def test_a_robot_in_a_gap_plans_out_with_the_room_that_it_has(length: float) -> None:
     grid, pose = corridor(length), np.array((0.0, 0.025, 0.0))
     parameters = PlanningParameters(margin=0.1)  # there are 6 cm on each side
@@ -215,7 +216,7 @@ def test_a_robot_off_its_way_is_led_on_across_a_building_while_that_is_drawn_aga
         assert route.way[-1, :2] == pytest.approx(goal[:2], abs=0.2)
 
 
-@pytest.mark.parametrize('cells', range(368, 376))
+@for_all('cells', range(368, 376))
 def test_the_last_wall_of_a_large_map_is_looked_at_whatever_its_size(cells) -> None:
     grid = Grid(np.zeros((cells, cells), np.int8), 0.05, (0.0, 0.0))
     grid.cells[-1:] = grid.cells[:, -1:] = 100

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from lidar_room import circle, look
 import numpy as np
 import pytest
@@ -208,7 +209,7 @@ def test_what_is_ambiguous_is_said_to_be_and_not_decided() -> None:
     assert robot.localizer.notice == 'may be at 2 places: drive on to tell them apart'
 
 
-@pytest.mark.parametrize(('contradicted', 'is_decided'), [(0.05, True), (0.28, False)])
+@for_all(('contradicted', 'is_decided'), [(0.05, True), (0.28, False)])
 def test_a_last_place_that_the_map_contradicts_is_none(
     contradicted: float, is_decided: bool
 ) -> None:

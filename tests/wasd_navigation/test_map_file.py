@@ -5,6 +5,7 @@ import errno
 import os
 from pathlib import Path
 
+from cases import for_all
 import numpy as np
 from PIL import Image
 import pytest
@@ -76,7 +77,7 @@ def test_maps_of_others_are_loaded(tmp_path: Path) -> None:
 GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
 
 
-@pytest.mark.parametrize(
+@for_all(
     'text, said',
     [
         ('[1, 2', 'no YAML'),

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from lidar_room import circle, look
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def test_what_a_covariance_has_grown_by_is_found() -> None:
     assert found == pytest.approx(added, abs=1e-6)
 
 
-@pytest.mark.parametrize('scale', [1.0, 0.5])
+@for_all('scale', [1.0, 0.5])
 def test_a_covariance_that_does_not_grow_leaves_a_little(scale: float) -> None:
     growth, known = OdometryGrowth(), np.diag((0.01, 0.01, 0.02))
     growth.step(np.zeros(3), known)
@@ -291,7 +292,7 @@ def test_a_search_without_points_or_map_finds_nothing() -> None:
         assert search.found is not None and len(search.found.poses) == 0
 
 
-@pytest.mark.parametrize('off', [-0.03, 0.03])
+@for_all('off', [-0.03, 0.03])
 def test_what_noise_hits_before_or_behind_a_wall_is_not_occupied(off: float) -> None:
     # The wall is in the middle of cells from 1.00 to 1.05 m; of 33 rays one ends 30 mm off.
     canvas, angles, random = Canvas(0.05), np.arange(-0.5, 0.5, 0.004), np.random.default_rng(0)
@@ -306,7 +307,7 @@ def test_what_noise_hits_before_or_behind_a_wall_is_not_occupied(off: float) -> 
     assert occupied[:, 0] == pytest.approx(np.full(len(occupied), 1.025))
 
 
-@pytest.mark.parametrize('share', [0.003, 0.01, 0.03])
+@for_all('share', [0.003, 0.01, 0.03])
 def test_the_noise_of_ranges_is_learnt_as_a_share_of_them(share: float) -> None:
     """In a room of 9 m by 8 m, where the mean range is 5 m."""
     angles, random = np.linspace(-math.pi, math.pi, 360), np.random.default_rng(2)

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
@@ -44,7 +45,7 @@ def watch(place, velocity, seconds, random=None):
     return movers, at
 
 
-@pytest.mark.parametrize('velocity', [(0.0, 0.6), (-1.0, 0.0), (0.5, 0.5), (0.0, -1.4)])
+@for_all('velocity', [(0.0, 0.6), (-1.0, 0.0), (0.5, 0.5), (0.0, -1.4)])
 def test_a_walk_is_known_after_a_second(velocity):
     random = np.random.default_rng(3)
     movers, at = watch((3.5, 0.5), velocity, 1.1, random)
@@ -55,7 +56,7 @@ def test_a_walk_is_known_after_a_second(velocity):
     assert movers.are_about
 
 
-@pytest.mark.parametrize('seed', range(20))
+@for_all('seed', range(20))
 def test_who_stands_does_not_move(seed):
     random = np.random.default_rng(seed)
     movers, _ = watch(random.uniform(1.0, 3.5, 2), (0.0, 0.0), 5.0, random)
@@ -126,7 +127,7 @@ def scene(movers):
     return Scene(nothing, nothing, circles, np.zeros((1, 3)), (0.02, 0.2), movers)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('movers', 'may_drive'),
     [
         (NOBODY, True),
@@ -163,7 +164,7 @@ def test_who_appears_near_is_taken_to_come_until_he_is_known():
     assert not movers.are_about
 
 
-@pytest.mark.parametrize('shown', [0.25, 0.5, 0.75])
+@for_all('shown', [0.25, 0.5, 0.75])
 def test_who_comes_into_view_bit_by_bit_and_walks_off_is_never_taken_to_stand(shown):
     # What is seen of him grows to the right while he goes to the left.
     movers = Movers()

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from navigation_stand_ins import navigator, odometry, scan
 import numpy as np
 import pytest
@@ -124,7 +125,7 @@ def test_a_goal_whose_sense_stays_silent_fails(sense, reason):
     assert driven.step(DT) is None
 
 
-@pytest.mark.parametrize('pause', [1, 20])
+@for_all('pause', [1, 20])
 def test_a_goal_that_comes_while_the_lidar_is_silent_does_not_move_the_robot(pause):
     driven = navigator()
     for _ in range(round(pause * SILENCE / DT) + 1):

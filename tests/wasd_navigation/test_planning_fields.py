@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_navigation.parameters import Footprint, InvalidFootprint
@@ -74,9 +75,7 @@ def test_one_finds_out_of_where_nobody_may_be_but_not_through() -> None:
     assert (values[24:] == beyond).all()
 
 
-@pytest.mark.parametrize(
-    'footprint', [Footprint(half_length=0.35, half_width=0.155), Footprint(radius=0.2)]
-)
+@for_all('footprint', [Footprint(half_length=0.35, half_width=0.155), Footprint(radius=0.2)])
 def test_circles_cover_the_edge_of_a_footprint_and_little_more(footprint: Footprint) -> None:
     circles = footprint.circles
     if footprint.is_circle:
@@ -94,7 +93,7 @@ def test_circles_cover_the_edge_of_a_footprint_and_little_more(footprint: Footpr
     assert (outermost <= np.array(sizes) + 0.035).all()
 
 
-@pytest.mark.parametrize('sizes', [{}, {'radius': 0.2, 'half_length': 0.3, 'half_width': 0.1}])
+@for_all('sizes', [{}, {'radius': 0.2, 'half_length': 0.3, 'half_width': 0.1}])
 def test_a_footprint_that_is_neither_or_both_is_refused(sizes: dict[str, float]) -> None:
     with pytest.raises(InvalidFootprint, match='a circle with a radius'):
         Footprint(**sizes)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals that cannot be are refused in the first step, with the reason, wherever they lie."""
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_navigation.parameters import DriveLimits, Footprint
@@ -12,7 +13,7 @@ CELLS = np.zeros((80, 80), np.int8)
 CELLS[:, 60:] = -1
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('x', 'y', 'words'),
     [
         (9.0, 0.0, 'outside the map'),
@@ -30,8 +31,8 @@ def test_a_goal_that_is_not_on_the_map_is_refused_with_the_reason(x, y, words):
     assert words in driver.reason
 
 
-@pytest.mark.parametrize('shape', [(0, 0), (1, 1), (1, 50), (50, 1), (2, 2)])
-@pytest.mark.parametrize('sizes', [{'radius': 0.15}, {'half_length': 0.34, 'half_width': 0.164}])
+@for_all('shape', [(0, 0), (1, 1), (1, 50), (50, 1), (2, 2)])
+@for_all('sizes', [{'radius': 0.15}, {'half_length': 0.34, 'half_width': 0.164}])
 def test_a_map_of_next_to_nothing_is_none(shape, sizes):
     driver = Driver(DriveLimits(), Footprint(**sizes))
     driver.set_goal(np.zeros(3))

@@ -4,6 +4,7 @@
 from io import BytesIO
 import math
 
+from cases import for_all
 from lidar_room import circle, look
 import numpy as np
 import pytest
@@ -165,7 +166,7 @@ def test_what_would_grow_as_it_is_read_is_refused(saved, tmp_path) -> None:
         load_session(tmp_path / 'other')
 
 
-@pytest.mark.parametrize('data', [b'', b'PK\x03\x04', bytes(100)])
+@for_all('data', [b'', b'PK\x03\x04', bytes(100)])
 def test_a_file_of_something_else_is_refused(tmp_path, data) -> None:
     (tmp_path / 'other.places.npz').write_bytes(data)
     with pytest.raises(UserError, match='no places of a map'):

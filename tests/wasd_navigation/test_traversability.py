@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.rotations import Pose, rpy_matrix
@@ -46,7 +47,7 @@ def rays(*ends):
     return np.zeros((len(ends), 2)), np.array(ends, float)
 
 
-@pytest.mark.parametrize(('rise', 'kind'), [(0.15, FREE), (0.25, OCCUPIED)])
+@for_all(('rise', 'kind'), [(0.15, FREE), (0.25, OCCUPIED)])
 def test_steps_up_to_the_height_that_it_climbs_are_free(rise, kind):
     judged = judge(heights_of(stairs(rise)), CELL, CLIMB)
     edge = round((0.8 - CORNER[0]) / CELL)
@@ -54,8 +55,8 @@ def test_steps_up_to_the_height_that_it_climbs_are_free(rise, kind):
     assert (judged[:, :edge] == FREE).all()
 
 
-@pytest.mark.parametrize('sign', [1.0, -1.0])
-@pytest.mark.parametrize('axis', [0, 1])
+@for_all('sign', [1.0, -1.0])
+@for_all('axis', [0, 1])
 def test_the_edge_before_a_drop_is_occupied_whichever_way_it_lies(sign, axis):
     heights = heights_of(lambda x: -0.9 if sign * x > 0.5 else 0.0)
     judged = judge(heights.T if axis else heights, CELL, CLIMB)
@@ -126,7 +127,7 @@ def test_a_step_that_is_too_high_is_occupied_also_where_the_map_is_free():
     assert cells_at(merged, (0.5, 0.0)) == [FREE]
 
 
-@pytest.mark.parametrize('correction', [(0.0, 0.0, 1.0), (0.7, -0.4, -2.5)])
+@for_all('correction', [(0.0, 0.0, 1.0), (0.7, -0.4, -2.5)])
 def test_cells_lie_in_the_frame_of_the_map(correction):
     correction = np.array(correction)
     merged = ground_of(stairs(0.25), correction).over(map_of(FREE))
@@ -220,7 +221,7 @@ def test_down_stairs_it_looks_down():
     assert abs(wz) < 0.03
 
 
-@pytest.mark.parametrize('yaw', [0.0, math.pi])
+@for_all('yaw', [0.0, math.pi])
 def test_a_way_along_a_tread_is_left_for_the_way_that_it_looks(yaw):
     ground = ground_of(stairs(0.15))
     pose = np.array((1.55, 0.0, yaw))

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from lidar_room import RAYS, ROOM
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def off_walls(pose: np.ndarray, scan: Scan) -> float:
     return float(np.min(sides, axis=0).max())
 
 
-@pytest.mark.parametrize(('speed', 'rate'), [(0.5, 0.0), (0.5, 1.5), (0.4, -1.0)])
+@for_all(('speed', 'rate'), [(0.5, 0.0), (0.5, 1.5), (0.4, -1.0)])
 def test_walls_are_straight_again_whichever_way_the_base_has_moved(
     speed: float, rate: float
 ) -> None:
