@@ -8,7 +8,7 @@ is always the same a `Layout` knows where each field is, so that NumPy reads and
 
 from collections.abc import Iterator, Mapping
 import struct
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 from wasd_core.errors import InvalidMessage
@@ -46,7 +46,8 @@ def _write(out: bytearray, kind: Kind, value: Any) -> None:
     if isinstance(kind, Shape):
         _write_shape(out, kind, value or {})
     elif isinstance(kind, Several):
-        _write_all(out, kind.kind, [None] * kind.number if value is None else value)
+        blank = 0 if _is_number(kind.kind) else None
+        _write_all(out, kind.kind, [blank] * kind.number if value is None else value)
     elif isinstance(kind, Many):
         items = () if value is None else value
         _write_number(out, 'u4', len(items))
@@ -62,15 +63,26 @@ def _write(out: bytearray, kind: Kind, value: Any) -> None:
 def _write_all(out: bytearray, kind: Kind, items: Any) -> None:
     if kind == 'u1' and isinstance(items, (bytes, bytearray)):
         out += items
-        return
-    for item in items:
-        _write(out, kind, item)
+    elif _is_number(kind) and len(items):
+        _align(out, _NUMBERS[kind].size)
+        out += struct.pack(f'<{len(items)}{_FORMATS[kind]}', *items)
+    else:
+        for item in items:
+            _write(out, kind, item)
 
 
 def _write_number(out: bytearray, kind: str, value: Any) -> None:
     number = _NUMBERS[kind]
-    out += bytes(-(len(out) - len(HEADER)) % number.size)
+    _align(out, number.size)
     out += number.pack(value)
+
+
+def _is_number(kind: Kind) -> TypeGuard[str]:
+    return isinstance(kind, str) and kind in _NUMBERS
+
+
+def _align(out: bytearray, size: int) -> None:
+    out += bytes(-(len(out) - len(HEADER)) % size)
 
 
 def decode(shape: Shape, raw: bytes) -> dict[str, Any]:
@@ -122,6 +134,10 @@ class _Reader:
     def _items(self, kind: Kind, count: int) -> Any:
         if kind == 'u1':
             return self._bytes(count)
+        if _is_number(kind) and count:
+            size = _NUMBERS[kind].size
+            self._at += -(self._at - len(HEADER)) % size
+            return list(struct.unpack(f'<{count}{_FORMATS[kind]}', self._bytes(count * size)))
         return [self._read(kind) for _ in range(count)]
 
     def _length(self) -> int:
