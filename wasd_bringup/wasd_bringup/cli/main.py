@@ -11,7 +11,6 @@ import subprocess
 import sys
 from typing import Any, NoReturn
 
-from robot_description import describe_command
 from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap_file import describe_keymap, list_presets
 from teleop_keyboard.terminal import tolerate_any_text
@@ -44,8 +43,16 @@ DESCRIPTIONS = ('.urdf', '.xacro', '.xml', '.sdf')
 LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
+def make_parser(command: str | None = None) -> argparse.ArgumentParser:
+    """
+    Return the parser of the command line.
+
+    Where a command is named, only its own options are in it: all of them take a while to add.
+    """
+
+    def is_asked(name: str) -> bool:
+        return command in (None, name)
+
     parser = OneLineParser(
         prog=called(),
         description='Drive simulated robots from the keyboard.',
@@ -57,10 +64,13 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--version', action='version', version=f'wasd {version()}')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for row in ROBOTS.values():
-        add_run_options(_add_run(commands, row.name, row.summary), row.name)
-    both = 'drive Go2 and mbot in one world; TAB selects the other robot'
-    add_run_options(_add_run(commands, BOTH, both), BOTH)
+    summaries = {row.name: row.summary for row in ROBOTS.values()}
+    summaries[BOTH] = 'drive Go2 and mbot in one world; TAB selects the other robot'
+    for name, summary in summaries.items():
+        if is_asked(name):
+            add_run_options(_add_run(commands, name, summary), name)
+        else:
+            commands.add_parser(name, help=summary)
     demo = commands.add_parser(
         'demo',
         help='go2: watch a scripted Go2 on the page; alone: a tour that writes pictures',
@@ -90,7 +100,8 @@ def make_parser() -> argparse.ArgumentParser:
     calibrate = commands.add_parser(
         'calibrate', help="measure mbot's wheels by driving squares", allow_abbrev=False
     )
-    add_calibrate_options(calibrate)
+    if is_asked('calibrate'):
+        add_calibrate_options(calibrate)
     describe = commands.add_parser(
         'describe',
         help='policy FILE: check a network and walk with it; info FILE, lint FILE: check a robot',
@@ -175,7 +186,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if words and words[0] in CLONE_COMMANDS:
             return CLONE_COMMANDS[words[0]](words[1:])
-        if words[:1] == ['describe'] and describe_command.is_command(words[1:]):
+        if words[:1] == ['describe'] and words[1:2] not in ([], ['policy'], ['-h'], ['--help']):
+            from robot_description import describe_command
+
             return describe_command.main(words[1:])
         words, ros_arguments = split_ros_arguments(words)
         if words and Path(words[0]).suffix in DESCRIPTIONS:
@@ -185,7 +198,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 0
         if tuple(words) == ('demo', 'go2'):
             words = ['go2', '--play', str(DEMO), '--viewer', 'web']
-        arguments = make_parser().parse_args(words)
+        arguments = make_parser(words[0]).parse_args(words)
         arguments.words = (*words, *ros_arguments)
         # The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`.
         if ros_arguments and arguments.command not in ROBOTS:

@@ -38,8 +38,6 @@ LONGEST_RUN = 1e9
 LARGEST_SCRIPT = 100_000_000
 # Where Foxglove looks first.
 FOXGLOVE_PORT = 8765
-# An option's value where none followed it: '' is what somebody typed.
-ALONE = True
 VIEWERS = ('web', 'native', 'none')
 # Which commands have an option: every run, or those of one robot; a kind of robots names others.
 EVERY, ONE = 'every run', 'one robot'
@@ -162,40 +160,16 @@ def read_file_name(path: str, word: str) -> Path:
     return Path(path)
 
 
-def read_map(path: str | bool, word: str) -> str:
+def read_map(path: str, word: str) -> str:
     """
-    Return the map to localise in; '' makes one, where the word stood ALONE.
+    Return the map to localise in; '' makes one.
 
     Raises:
         UserError: there is no such file.
     """
-    # Here, because few runs have a map.
-    from wasd_core.map_picture import yaml_beside
-
-    if isinstance(path, bool):
-        return ''
-    try:
+    if path:
         read_file_name(path, word)
-    except UserError as error:
-        raise UserError(f'{error}{yaml_beside(path)}') from None
     return path
-
-
-def read_keepout(words: str, word: str) -> str:
-    """
-    Return the words for areas to keep out of.
-
-    Raises:
-        UserError: their files are none.
-    """
-    # Here, because few runs have such areas.
-    from wasd_core.map_picture import read_plan
-
-    try:
-        read_plan(words)
-    except UserError as error:
-        raise UserError(f'{word} {error}') from None
-    return words
 
 
 def read_map_name(path: str, word: str) -> str:
@@ -206,9 +180,7 @@ def read_map_name(path: str, word: str) -> str:
     return str(without_ending(Path(path)))
 
 
-def read_folders(
-    paths: Sequence[str | os.PathLike[str]], word: str = '--package-path'
-) -> tuple[Path, ...]:
+def read_folders(paths: Sequence[str], word: str = '--package-path') -> tuple[Path, ...]:
     """
     Return folders.
 
@@ -239,7 +211,7 @@ def read_assignments(texts: Sequence[str], word: str) -> dict[str, str]:
     return found
 
 
-def _mode(path: str | os.PathLike[str], word: str, kind: str) -> int:
+def _mode(path: str, word: str, kind: str) -> int:
     """Return the type and permissions of a path's target, as stat does."""
     try:
         return os.stat(path).st_mode
@@ -360,8 +332,7 @@ OPTIONS = (
     Option(
         word='--gamepad',
         help='drive with a gamepad, too (default: the first /dev/input/js* that appears)',
-        read=lambda given, word: '' if given is ALONE else given,
-        how={'nargs': '?', 'const': ALONE, 'metavar': 'DEVICE'},
+        how={'nargs': '?', 'const': '', 'metavar': 'DEVICE'},
     ),
     Option(
         word='--foxglove',
@@ -374,7 +345,7 @@ OPTIONS = (
         help='map while driving, or localise in a saved map; a click in the panel Map sets a '
         'goal, or in the scene with the pointer of the panel View',
         read=read_map,
-        how={'nargs': '?', 'const': ALONE, 'metavar': 'FILE.yaml'},
+        how={'nargs': '?', 'const': '', 'metavar': 'FILE.yaml'},
     ),
     Option(
         word='--continue',
@@ -386,7 +357,6 @@ OPTIONS = (
         word='--keepout',
         help='areas that the robot keeps out of: black in FILE.yaml (map_server) or in '
         'PICTURE,METRES_PER_PIXEL',
-        read=read_keepout,
         how={'metavar': 'FILE'},
     ),
     Option(
@@ -613,8 +583,6 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     untold: dict[str, Any] = {}
     for option in options_of(robot):
         given = getattr(arguments, option.attribute)
-        if given == '':
-            raise UserError(f"{option.word}: got '', wanted {option.how['metavar']}")
         if given is not None:
             part, _, name = option.name.rpartition('.')
             (untold if part else fields)[name] = option.read(given, option.word)
@@ -692,6 +660,6 @@ def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
         path = getattr(arguments, name, None)
         if name == 'map' and options.continues:
             continue  # it may take the place of what it goes on with
-        if isinstance(path, str) and os.path.exists(path):
+        if path is not None and os.path.exists(path):
             inputs.append((f'--{name}', path))
     check_apart([output for output in outputs if output is not None], inputs)
