@@ -77,11 +77,11 @@ def test_with_all_sticks_full_nothing_falls_nor_does_it_change_at_full_speed() -
     dog.press('5')
     for _ in GAITS:
         dog.drive(9.0, 9.0, 9.0)
-        dog.run(3.0)
+        dog.run(2.0)
         assert dog.state == 'move base'
         dog.press('n')
         dog.drive(9.0)
-        dog.run(6.0)
+        dog.run(4.5)
         assert dog.state == 'move base'
         before = dog.truth.position
         dog.run(1.0)

@@ -34,13 +34,13 @@ def test_the_height_that_it_believes_in_is_right_to_two_percent_of_the_way(world
 
 
 def test_a_floor_stays_at_its_height_however_it_is_driven_on():
-    """Sliding in tight turns it once left the level of the floor: 62 cm in these 48 s."""
+    """Sliding in tight turns it once left the level of the floor: by 1.3 cm a second."""
     dog = wasd.Go2(seed=34)
     dog.press('2')
     dog.run(2.5)
     dog.press('5')
     begin = dog.truth.position - dog.odometry.position
-    for velocity in 6 * ((-0.65, 0.73, -1.64), (-0.92, -0.77, 1.92), (0.53, 0.4, 1.5), TIGHT):
+    for velocity in 3 * ((-0.65, 0.73, -1.64), (-0.92, -0.77, 1.92), (0.53, 0.4, 1.5), TIGHT):
         dog.drive(*velocity)
         dog.run(2.0)
         off = dog.truth.position - dog.odometry.position - begin

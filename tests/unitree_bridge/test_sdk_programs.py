@@ -100,9 +100,8 @@ def test_every_call_of_the_sport_client_is_answered_and_programs_come_and_go(sim
     assert (seen['switch'], seen['select']) == (0, 0)
     assert seen['avoid'] == [[0, False], 0]
     assert 'sport_mode' in seen['services']
-    for _ in range(3):
-        assert program('round_trip', '1')['heard'] > 0
-        assert process.poll() is None
+    assert program('round_trip', '1')['heard'] > 0
+    assert process.poll() is None
     assert set(program('calls')['codes'].values()) == {0, 3203}
     assert process.poll() is None
 
@@ -152,15 +151,15 @@ def test_ros_and_the_interface_of_one_run_lose_no_message(simulate, program, spa
     )
     spin_until(spawn.pump, lambda: ear.count_publishers('odom') > 0)
     with ThreadPoolExecutor() as pool:
-        told = pool.submit(program, 'in_sync')
+        told = pool.submit(program, 'in_sync', '1000')
         spin_until(spawn.pump, told.done, timeout=180)
     ticks = sorted(map(int, told.result()['samples']))
     assert set(np.diff(ticks)) == {2}
-    assert ticks[-1] == 4000
-    heard = [stamp for stamp in stamps if stamp <= 4_000_000_000]
-    assert len(heard) > 100
+    assert ticks[-1] == 2000
+    heard = [stamp for stamp in stamps if stamp <= 2_000_000_000]
+    assert len(heard) > 50
     assert len(set(np.diff(heard))) == 1
-    assert heard[-1] > 3_900_000_000
+    assert heard[-1] > 1_900_000_000
 
 
 # Examples of the SDK's package, and the last line of theirs that shows that all went well; one
