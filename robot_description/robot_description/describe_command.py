@@ -40,8 +40,10 @@ def make_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for add in COMMANDS.values():
-        add(commands)
+    _add_expand(commands)
+    _add_lint(commands)
+    _add_fix(commands)
+    _add_info(commands)
     return parser
 
 
@@ -99,14 +101,6 @@ def _add_info(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
         help='compare the links in MuJoCo, Pinocchio and yourdfpy, too',
     )
     parser.set_defaults(run=_info)
-
-
-COMMANDS = {'expand': _add_expand, 'lint': _add_lint, 'fix': _add_fix, 'info': _add_info}
-
-
-def is_command(words: Sequence[str]) -> bool:
-    """Whether the first word that is no xacro argument is one of the commands."""
-    return next((word for word in words if ASSIGNMENT not in word), '') in COMMANDS
 
 
 def _folder(text: str) -> Path:

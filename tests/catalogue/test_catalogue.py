@@ -24,6 +24,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+from cases import for_all
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -87,8 +88,8 @@ ROWS = rows()
 pytestmark = pytest.mark.slow
 
 
-def each(*chosen: Row) -> Any:
-    """Return the mark that runs a test for these rows."""
+def by_itself(*chosen: Row) -> Any:
+    """Return the mark that makes a test of each of these rows."""
     return pytest.mark.parametrize('row', chosen, ids=lambda row: f'{row.folder}/{row.file}')
 
 
@@ -103,7 +104,7 @@ def loaded() -> dict[str, Any]:
     return {}
 
 
-@each(*(row for row in ROWS if row.verdict == 'loads'))
+@for_all('row', [row for row in ROWS if row.verdict == 'loads'])
 def test_it_loads_and_says_what_it_makes_of_it(
     row: Row, caplog: pytest.LogCaptureFixture, loaded: dict[str, Any]
 ) -> None:
@@ -114,7 +115,7 @@ def test_it_loads_and_says_what_it_makes_of_it(
         assert word in caplog.text
 
 
-@each(*(row for row in ROWS if row.verdict == 'refused'))
+@for_all('row', [row for row in ROWS if row.verdict == 'refused'])
 def test_it_is_refused_in_one_line_with_the_reason(row: Row) -> None:
     assert row.words
     with pytest.raises(wasd.UserError) as refusal:
@@ -125,7 +126,7 @@ def test_it_is_refused_in_one_line_with_the_reason(row: Row) -> None:
         assert word in line
 
 
-@each(*(row for row in ROWS if row.kind or row.info))
+@for_all('row', [row for row in ROWS if row.kind or row.info])
 def test_info_calls_it_what_it_is(row: Row, capsys: pytest.CaptureFixture[str]) -> None:
     described = read_description(description_path(str(row.path)), (), row.arguments)
     assert described.kind == row.kind
@@ -135,7 +136,7 @@ def test_info_calls_it_what_it_is(row: Row, capsys: pytest.CaptureFixture[str]) 
         assert word in printed
 
 
-@each(*(row for row in ROWS if row.lint))
+@for_all('row', [row for row in ROWS if row.lint])
 def test_lint_says_it(row: Row) -> None:
     findings = '\n'.join(each.line() for each in lint(row.path, row.arguments))
     for word in row.lint:
@@ -144,7 +145,7 @@ def test_lint_says_it(row: Row) -> None:
 
 # What a robot drives, by its kind: so far [m] at a speed [m/s], a turn at a rate [rad/s], and how
 # far off it may be, as a share.
-WAY, SPEED, TURN, RATE, OFF = 1.0, 0.25, 2.0 * math.pi, 1.0, 0.01
+WAY, SPEED, TURN, RATE, OFF = 1.0, 0.35, 2.0 * math.pi, 1.5, 0.01
 REST = 1.0
 
 
@@ -179,7 +180,7 @@ def drive_wheels(robot: Any) -> None:
 STEADY, OFF_SHARE = 0.25, 0.05
 
 
-@each(*(row for row in ROWS if row.falls_short))
+@by_itself(*(row for row in ROWS if row.falls_short))
 def test_it_says_once_by_how_much_it_falls_short(
     row: Row, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -261,7 +262,7 @@ def test_a_quadruped_of_example_robot_data_walks(
     walk(wasd.Go2(description=str(robots / f'{name}.urdf')))
 
 
-@each(*(row for row in ROWS if row.drives))
+@by_itself(*(row for row in ROWS if row.drives))
 def test_it_goes_where_it_is_sent_and_says_nothing_of_its_speed(
     row: Row, loaded: dict[str, Any], caplog: pytest.LogCaptureFixture
 ) -> None:

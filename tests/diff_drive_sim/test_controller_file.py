@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
@@ -67,7 +68,7 @@ def test_the_file_of_the_tutorial_loads_as_it_is(read):
     assert file.unused == ()
 
 
-@pytest.mark.parametrize(
+@for_all(
     'text',
     [
         TUTORIAL.replace('\n', '\n\t').rstrip('\t'),
@@ -161,7 +162,7 @@ def test_a_plain_table_has_the_names_of_here(read):
     }
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('text', 'message'),
     [
         (

@@ -2,6 +2,7 @@
 from dataclasses import replace
 import math
 
+from cases import for_all
 from diff_drive_sim.odometry import BELIEVABLE, OdometryState, SMALLEST_JUMP, WheelOdometry
 import pytest
 
@@ -139,8 +140,8 @@ def test_encoders_that_restart_move_nothing_and_give_no_spike(geometry):
     assert odometry.restarts == 1
 
 
-@pytest.mark.parametrize('sign', [1.0, -1.0])
-@pytest.mark.parametrize('dt', [0.0, 0.005, 0.02, 3.0])
+@for_all('sign', [1.0, -1.0])
+@for_all('dt', [0.0, 0.005, 0.02, 3.0])
 def test_what_a_pushed_wheel_can_do_is_believed_at_any_interval(geometry, sign, dt):
     largest = max(SMALLEST_JUMP, BELIEVABLE * 25.0 * dt)
     for change, moves in ((0.99 * largest, True), (1.01 * largest, False)):

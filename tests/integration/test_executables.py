@@ -83,8 +83,8 @@ def test_all_programs_are_known():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', SCRIPTS)
-@pytest.mark.parametrize('word', ['--help', '-h'])
+@for_all('name', SCRIPTS)
+@for_all('word', ['--help', '-h'])
 def test_help_comes_at_once_and_starts_nothing(name, word):
     status, said, complaint, took = start(name, word)
     assert (status, complaint) == (0, '')
@@ -94,7 +94,7 @@ def test_help_comes_at_once_and_starts_nothing(name, word):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', PROGRAMS)
+@for_all('name', PROGRAMS)
 def test_help_has_every_parameter_with_its_default_the_topics_and_an_example(name):
     _, said, _, _ = start(name, '--help')
     program: Executable = PROGRAMS[name]
@@ -111,8 +111,8 @@ def test_help_has_every_parameter_with_its_default_the_topics_and_an_example(nam
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', SCRIPTS)
-@pytest.mark.parametrize('word', ['nonsense', '--nonsense', 'description:=go2'])
+@for_all('name', SCRIPTS)
+@for_all('word', ['nonsense', '--nonsense', 'description:=go2'])
 def test_an_unknown_word_is_refused_in_one_line(name, word):
     status, said, complaint, took = start(name, word)
     assert (status, said) == (2, '')

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 import subprocess
 
+from cases import for_all
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -47,7 +48,7 @@ def files(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures('files')
-@pytest.mark.parametrize(('arguments', 'said'), MISTAKES, ids=lambda value: str(value)[-50:])
+@for_all(('arguments', 'said'), MISTAKES)
 def test_a_mistake_is_said_in_one_line(wasd: Wasd, arguments: list[str], said: str) -> None:
     done = wasd('go2', *arguments)
     assert done.returncode == 2, done.stderr

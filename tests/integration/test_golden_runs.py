@@ -7,6 +7,7 @@ import subprocess
 import sys
 from typing import Any
 
+from cases import for_all
 import golden_runs
 import pytest
 
@@ -36,7 +37,7 @@ def test_what_is_knocked_over_has_fallen_and_gets_up() -> None:
     assert 'get up' in knocked['states']['go2']
 
 
-@pytest.mark.parametrize('name', golden_runs.RUNS)
+@for_all('name', golden_runs.RUNS)
 def test_a_run_gives_what_is_written_down(name: str, outcome: Any) -> None:
     written, now = WRITTEN['runs'][name], outcome['runs'][name]
     if outcome['arithmetic'] == WRITTEN['arithmetic']:

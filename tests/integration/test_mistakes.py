@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 
+from cases import for_all
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -15,8 +16,6 @@ Wasd = Callable[..., 'subprocess.CompletedProcess[str]']
 
 MISTAKES = [
     (['mbot', '--no-such-option'], '--no-such-option'),
-    (['describe', 'foo'], "invalid choice: 'foo' (choose from 'policy', 'expand'"),
-    (['mbot', '--keepout', 'nowhere.yaml'], '--keepout nowhere.yaml: no such file'),
     (['fly'], "invalid choice: 'fly'"),
     (['mbot', '--play', 'nowhere.txt'], '--play nowhere.txt: No such file'),
     (['mbot', '--twist', 'nowhere.txt'], '--twist nowhere.txt: No such file'),
@@ -64,7 +63,7 @@ def files(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures('files')
-@pytest.mark.parametrize(('arguments', 'said'), MISTAKES, ids=lambda value: str(value)[:60])
+@for_all(('arguments', 'said'), MISTAKES)
 def test_a_mistake_is_said_in_one_line(wasd: Wasd, arguments: list[str], said: str) -> None:
     done = wasd(*arguments)
     assert done.returncode == 2

@@ -37,7 +37,7 @@ def test_every_page_is_in_the_index():
     assert missing == ['README.md'], 'add a row to docs/README.md'
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+@for_all('page', PAGES)
 def test_launch_files_and_their_arguments_exist(page, launch_file):
     for name, words in re.findall(r'ros2 launch wasd_bringup (\S+)([^#\n]*)', code(page)):
         arguments = launch_file(ROOT / 'wasd_bringup/launch' / name).arguments
@@ -47,7 +47,7 @@ def test_launch_files_and_their_arguments_exist(page, launch_file):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('page', [*PAGES, *ROOT_PAGES], ids=str)
+@for_all('page', [*PAGES, *ROOT_PAGES])
 def test_executables_and_commands_exist(page):
     for package, executable in re.findall(r'ros2 run (\w+) (\w+)', code(page)):
         assert SCRIPTS[executable].partition('.')[0] == package

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import zipfile
 
+from cases import for_all
 from executables import SCRIPTS
 import pytest
 from source_trees import ALSO_IN, data_files, modules, PACKAGES, ROOT
@@ -36,7 +37,7 @@ def wheel(tmp_path_factory) -> Iterator[zipfile.ZipFile]:
         yield opened
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_the_wheel_holds_every_file_of_a_package(package, wheel):
     wanted = {path.relative_to(ROOT / package).as_posix() for path in modules(package).values()}
     wanted |= {f'{package}/{name}' for name in data_files(package)}
@@ -46,7 +47,7 @@ def test_the_wheel_holds_every_file_of_a_package(package, wheel):
     assert {f'{top}/py.typed' for top in tops} <= held
 
 
-@pytest.mark.parametrize('package', PACKAGES)
+@for_all('package', PACKAGES)
 def test_the_wheel_makes_its_environment_an_ament_prefix(package, wheel):
     shared = {name.partition('.data/data/')[2] for name in wheel.namelist()}
     assert f'share/{package}/package.xml' in shared

@@ -3,6 +3,7 @@
 
 import functools
 
+from cases import for_all
 from descriptions import robot_named
 from mujoco_sim.flats import _corners, make_flat, make_office
 from mujoco_sim.world import build_world
@@ -19,9 +20,7 @@ def flat_named(name):
     return make_office() if name == 'office' else make_flat(int(name.partition(':')[2]))
 
 
-@pytest.fixture(params=NAMES)
-def flat(request):
-    return flat_named(request.param)
+in_each = for_all('name', NAMES)
 
 
 def distances(flat, points):
@@ -51,7 +50,9 @@ def reached(flat, radius):
 
 
 @pytest.mark.slow
-def test_every_room_is_reached_through_doors(flat):
+@in_each
+def test_every_room_is_reached_through_doors(name):
+    flat = flat_named(name)
     found = reached(flat, 0.35)
     for room in flat.rooms:
         inside = ((found > room[:2]) & (found < room[2:])).all(axis=1)
@@ -59,19 +60,25 @@ def test_every_room_is_reached_through_doors(flat):
 
 
 @pytest.mark.slow
-def test_there_is_space_at_the_start_and_in_doors(flat):
+@in_each
+def test_there_is_space_at_the_start_and_in_doors(name):
+    flat = flat_named(name)
     assert distances(flat, np.zeros((1, 2)))[0] >= 0.6
     assert (flat.doors[:, 2] >= 0.8).all()
     gaps = distances(flat, flat.doors[:, :2])
     np.testing.assert_array_less(np.minimum(0.5 * flat.doors[:, 2], 0.499) - 1e-9, gaps)
 
 
-def test_doors_make_a_loop(flat):
+@in_each
+def test_doors_make_a_loop(name):
+    flat = flat_named(name)
     # A tree of rooms has one door less than rooms.
     assert len(flat.doors) >= len(flat.rooms)
 
 
-def test_boxes_stand_inside_and_are_high_enough_to_be_seen(flat):
+@in_each
+def test_boxes_stand_inside_and_are_high_enough_to_be_seen(name):
+    flat = flat_named(name)
     corners = np.concatenate([_corners(box) for box in flat.boxes]) - flat.corner
     assert (corners >= -1e-9).all()
     assert (corners <= flat.size + 1e-9).all()
@@ -91,7 +98,9 @@ def test_the_same_seed_gives_the_same_flat_and_another_one_another():
     assert make_flat(3).boxes.shape != flat_named('flat:4').boxes.shape
 
 
-def test_a_flat_is_not_the_same_turned_around(flat):
+@in_each
+def test_a_flat_is_not_the_same_turned_around(name):
+    flat = flat_named(name)
     # So that a lidar can tell where in it a robot is.
     middle = flat.corner + 0.5 * flat.size
     places = flat.boxes[:, :2]

@@ -12,6 +12,7 @@ from pathlib import Path
 import socket
 import time
 
+from cases import for_all
 from mujoco.studio import messages
 from mujoco_sim.viewer import server as page_server
 from mujoco_sim.viewer import turns
@@ -95,15 +96,15 @@ def resident() -> int:
     return int(Path('/proc/self/statm').read_text().split()[1]) * 4096
 
 
-@pytest.mark.parametrize('path', PATHS)
-@pytest.mark.parametrize('origin', ['http://evil.example.com', 'null', 'http://127.0.0.1:1', ''])
+@for_all('path', PATHS)
+@for_all('origin', ['http://evil.example.com', 'null', 'http://127.0.0.1:1', ''])
 def test_a_page_of_somebody_else_gets_nothing(port, path, origin):
     assert get(port, path, Origin=origin).status == 403
     assert upgrade(port, path, Origin=origin).status == 403
 
 
-@pytest.mark.parametrize('path', PATHS)
-@pytest.mark.parametrize('host', ['evil.example.com', 'evil.example.com:{port}', '127.0.0.1', ''])
+@for_all('path', PATHS)
+@for_all('host', ['evil.example.com', 'evil.example.com:{port}', '127.0.0.1', ''])
 def test_a_name_that_was_made_to_lead_here_gets_nothing(port, path, host):
     assert get(port, path, Host=host.format(port=port)).status == 403
     assert upgrade(port, path, Host=host.format(port=port)).status == 403

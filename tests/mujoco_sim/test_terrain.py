@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from descriptions import robot_named
 import mujoco
 from mujoco_sim.scene import (
@@ -55,14 +56,14 @@ WORLDS += ['ice:0.2', 'gap:0.1', 'stepping:0.1', 'course:1', 'course:2']
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('world', WORLDS)
-@pytest.mark.parametrize('x', [-1.0, -0.4, 0.0, 0.4, 0.75])
+@for_all('world', WORLDS)
+@for_all('x', [-1.0, -0.4, 0.0, 0.4, 0.75])
 def test_the_robot_starts_on_a_plane(height, world, x):
     assert height(world, x) == pytest.approx(0.0, abs=2e-3)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('degrees', [5.0, 15.0, 30.0, -5.0, -15.0, -30.0])
+@for_all('degrees', [5.0, 15.0, 30.0, -5.0, -15.0, -30.0])
 def test_a_slope_has_the_angle_it_says(height, degrees):
     tangent = math.tan(math.radians(degrees))
     for beyond in (0.3, 1.0, 3.0, 6.0):
@@ -188,7 +189,7 @@ def test_a_robot_let_fall_on_it_stays_on_top(height, world):
     assert landed.base().position[2] > height(world, float(landed.base().position[0])) + 0.01
 
 
-@pytest.mark.parametrize(
+@for_all(
     'world',
     [
         'slope:60',

@@ -100,8 +100,8 @@ def compare(policy, moments, reference) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('order', [*ORDERS, 'G1'])
-@pytest.mark.parametrize('length', [0, 4])
+@for_all('order', [*ORDERS, 'G1'])
+@for_all('length', [0, 4])
 def test_metadata_of_mjlab(tmp_path, rng, order, length):
     joints = G1_ORDER if order == 'G1' else ORDERS[order]
     count = len(joints)
@@ -141,8 +141,8 @@ def test_metadata_of_mjlab(tmp_path, rng, order, length):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('order', [*ORDERS, 'G1'])
-@pytest.mark.parametrize(('length', 'by_time'), [(1, False), (5, False), (3, True)])
+@for_all('order', [*ORDERS, 'G1'])
+@for_all(('length', 'by_time'), [(1, False), (5, False), (3, True)])
 def test_deploy_yaml_of_isaac_lab(tmp_path, rng, order, length, by_time):
     motors = G1_ORDER if order == 'G1' else MOTORS
     joints = tuple(rng.permutation(G1_ORDER).tolist()) if order == 'G1' else ORDERS[order]
@@ -269,8 +269,8 @@ def test_a_file_of_unitree_rl_gym_in_doubt_is_refused_by_the_name(change, words)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('order', ORDERS)
-@pytest.mark.parametrize(
+@for_all('order', ORDERS)
+@for_all(
     ('ages', 'priority'),
     [([], 'time'), ([0, 1, 2, 3, 4, 5], 'time'), ([3, 2, 1, 0], 'term'), ([2, 0], 'time')],
 )

@@ -54,7 +54,7 @@ def policy(tmp_path):
     return path
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('change', 'words'),
     [
         (
@@ -86,7 +86,7 @@ def test_a_configuration_in_doubt_is_refused_by_the_name_of_the_term(
     assert text.startswith(str(path))
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('change', 'words'),
     [
         ({'observations': ['ang_vel', 'g1_phase']}, "'g1_phase': this robot does not measure it"),

@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 import leg_stages
 import numpy as np
 import pytest
@@ -103,8 +104,8 @@ def test_a_foot_that_has_found_ground_stands_to_the_end_of_its_stance(model, sta
         legs.schedule = legs.gait.step(DT, 0.5, wants_steps=True)
 
 
-@pytest.mark.parametrize(('rough', 'share'), [(0.0, 0.6), (0.5, 0.7), (1.0, 0.8)])
-@pytest.mark.parametrize('phase', [0.1, 0.4, 0.6, 0.75])
+@for_all(('rough', 'share'), [(0.0, 0.6), (0.5, 0.7), (1.0, 0.8)])
+@for_all('phase', [0.1, 0.4, 0.6, 0.75])
 def test_the_rougher_the_ground_the_later_a_foot_is_believed(model, standing, rough, share, phase):
     """With the fourth power of what is over of the share of its stance in which it settles."""
     controller = in_the_air(model, standing, 150)

@@ -99,7 +99,7 @@ def test_every_text_is_whole_at_120_columns(in_state):
 DRIVEN = (StateName.TROTTING, StateName.POLICY)
 
 
-@pytest.mark.parametrize('state', [s for s in STATES if s not in DRIVEN])
+@for_all('state', [s for s in STATES if s not in DRIVEN])
 def test_w_says_which_keys_lead_to_a_trot_and_they_do(in_state, state):
     said = in_state(state).press('w')
     keys = [word for word in said.replace(':', ' ').split() if word in STATE_KEYS]
@@ -151,7 +151,7 @@ def test_a_stick_at_its_end_says_so(in_state):
     assert said == [None] * 20 + ['w: full stick'] * 5
 
 
-@pytest.mark.parametrize('key', ['3', '4', '7', 'w', ' ', 'UP', 'x'])
+@for_all('key', ['3', '4', '7', 'w', ' ', 'UP', 'x'])
 def test_a_fallen_robot_names_the_keys_that_raise_and_reset_it(in_state, key):
     text = in_state(StateName.PASSIVE, is_fallen=True).press(key)
     assert text == 'press 2 to get up, or BACKSPACE to reset (the robot has fallen)'

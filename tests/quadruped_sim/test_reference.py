@@ -47,8 +47,8 @@ def pitch(model, robot_state, slope, speed, nose):
     return wanted.rpy[1]
 
 
-@pytest.mark.parametrize('speed', [-0.5, 0.0, 0.5])
-@pytest.mark.parametrize('slope', [LEVEL, UP, DOWN])
+@for_all('speed', [-0.5, 0.0, 0.5])
+@for_all('slope', [LEVEL, UP, DOWN])
 def test_the_base_is_parallel_to_the_ground(model, robot_state, slope, speed):
     assert pitch(model, robot_state, slope, speed, 0.0) == pytest.approx(-slope, abs=1e-6)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot whose readings begin to come too slowly while it moves stops and stands."""
 
+from cases import for_all
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
@@ -72,7 +73,7 @@ def test_one_that_walks_stops_and_stands_and_may_walk_again(model, velocity, see
     assert dog.tilt < UPRIGHT
 
 
-@pytest.mark.parametrize('key', '3409876v')
+@for_all('key', '3409876v')
 def test_no_key_leads_one_that_stands_anywhere_but_down(model, key):
     dog = Fed(model, 1)
     dog.stand()
@@ -85,9 +86,7 @@ def test_no_key_leads_one_that_stands_anywhere_but_down(model, key):
         assert (said, dog.controller.state) == (WORDS, 'fixed stand')
 
 
-@pytest.mark.parametrize(
-    ('key', 'after'), [*((key, 1.0) for key in '3098'), ('v', 0.5), ('v', 0.7)]
-)
+@for_all(('key', 'after'), [*((key, 1.0) for key in '3098'), ('v', 0.5), ('v', 0.7)])
 def test_one_that_does_anything_but_stand_stands_again(model, key, after):
     """A jump is ended in its take-off and in the air, too."""
     dog = Fed(model, 1)

@@ -95,7 +95,7 @@ def test_a_robot_of_example_robot_data_loads_with_its_mass_and_sound_meshes(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('name', 'said'), REFUSED.items())
+@for_all(('name', 'said'), REFUSED.items())
 def test_what_cannot_be_loaded_is_said_in_one_line(name, said):
     with pytest.raises(DescriptionError) as caught:
         build_world(load_robot(str(ROBOTS / name)))

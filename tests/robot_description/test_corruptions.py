@@ -6,6 +6,7 @@ import random
 import re
 import shutil
 
+from cases import for_all
 import pytest
 from robot_description.describe_command import main
 from robot_description.packages import description_path, share_directory
@@ -77,7 +78,7 @@ def corrupt(data: bytes, chance: random.Random) -> bytes:
     return data[: found.start()] + bit + data[found.end() :]
 
 
-@pytest.mark.parametrize('source', FILES, ids=lambda path: path.name)
+@for_all('source', FILES)
 def test_lint_of_a_corrupted_file_is_lines(source: Path, tmp_path: Path, capsys) -> None:
     chance = random.Random(source.name)
     for round_ in range(ROUNDS):

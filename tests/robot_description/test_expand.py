@@ -3,6 +3,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from cases import for_all
 import pytest
 from robot_description.packages import description_path, share_directory
 from robot_description.xacro import expand, expand_document
@@ -182,7 +183,7 @@ def test_a_folder_is_no_file(tmp_path):
     assert error_of(tmp_path) == ' is a folder, wanted a file'
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('body', 'message'),
     [
         ('<xacro:wheel/>', 'unknown macro name: xacro:wheel'),
@@ -208,7 +209,7 @@ def test_an_error_in_the_file_is_one_line(write, body, message):
     assert message in error_of(write(body))
 
 
-@pytest.mark.parametrize(
+@for_all(
     'body',
     [
         '<xacro:wheel/>',

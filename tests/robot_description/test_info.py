@@ -6,6 +6,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from cases import for_all
 import numpy as np
 from PIL import Image
 import pytest
@@ -33,7 +34,7 @@ def test_the_command_says_after_its_tables_that_libraries_agree(robot):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@for_all(
     ('name', 'kind'),
     [
         ('go2', 'quadruped'),

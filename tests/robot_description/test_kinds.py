@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 
+from cases import for_all
 from descriptions import robot_named
 import pytest
 from robot_description.description import read_description
@@ -34,7 +35,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize('name', KINDS)
+@for_all('name', KINDS)
 def test_a_robot_of_example_robot_data_is_called_what_it_is(name):
     kind = name_kind(read_description(ROBOTS / f'{name}.urdf').robot)
     assert kind.what.partition(' (')[0] == KINDS[name]

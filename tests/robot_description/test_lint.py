@@ -60,7 +60,7 @@ def test_our_own_robots_have_no_finding(name, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@for_all(
     'robot',
     ['a1_description/urdf/a1.urdf', 'b1_description/urdf/b1.urdf', 'go1_description/urdf/go1.urdf',
      'laikago_description/urdf/laikago.urdf', 'ur_description/urdf/ur5_robot.urdf',

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from xml.sax.saxutils import escape
 
+from cases import for_all
 import pytest
 from robot_description.describe_command import main
 
@@ -285,7 +286,7 @@ def said(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', [*TEXTS, *URDFS, *PATHS])
+@for_all('name', [*TEXTS, *URDFS, *PATHS])
 def test_it_is_refused_in_one_line_at_once(name, said):
     text, seconds, memory = said[name]
     wanted = {**TEXTS, **URDFS}[name][1] if name not in PATHS else PATHS[name]
@@ -304,13 +305,13 @@ def test_nothing_is_run_and_nothing_outside_is_read(said):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', PATHS)
+@for_all('name', PATHS)
 def test_the_path_is_named_once(name, said):
     assert said[name][0].count(f'/{Path(name).name}') == 1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', TEXTS)
+@for_all('name', TEXTS)
 def test_the_line_is_named(name, said):
     assert 'robot.xacro:' in said[name][0] or 'two.xacro:' in said[name][0]
 

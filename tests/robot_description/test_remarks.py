@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Comments and processing instructions may stand anywhere in a description, and mean nothing."""
 
+from cases import for_all
 import pytest
 from robot_description.description import read_description
 from robot_description.lint import lint
@@ -21,8 +22,8 @@ ROBOT = """<?xml version="1.0"?>{r}
 """
 
 
-@pytest.mark.parametrize('remark', REMARKS)
-@pytest.mark.parametrize('more', ['', ' xmlns:xacro="http://www.ros.org/wiki/xacro"'])
+@for_all('remark', REMARKS)
+@for_all('more', ['', ' xmlns:xacro="http://www.ros.org/wiki/xacro"'])
 def test_a_robot_is_the_same_with_remarks_anywhere(remark, more, tmp_path):
     path = tmp_path / 'box.urdf'
     path.write_text(ROBOT.format(r=remark, more=more))

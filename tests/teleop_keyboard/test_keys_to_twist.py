@@ -36,8 +36,8 @@ def published(trace):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('dt', [0.001, 0.002, 0.01, 0.02])
-@pytest.mark.parametrize('script', ['0 i*90', '0 i\n0.5 i*76'])
+@for_all('dt', [0.001, 0.002, 0.01, 0.02])
+@for_all('script', ['0 i*90', '0 i\n0.5 i*76'])
 def test_holding_i_for_three_seconds_drives_speed_times_time(dt, script):
     trace = run(teleop(), script, 6.0, dt)
     distance = sum(velocity.vx * dt for _, velocity, _ in trace)

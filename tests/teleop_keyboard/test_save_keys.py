@@ -3,6 +3,7 @@
 
 import random
 
+from cases import for_all
 import pytest
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
@@ -22,7 +23,7 @@ KEYS = ['i', 'j', ' ', '*', '#', '+', 'é', 'CTRL+*', 'ALT+#', 'SHIFT+UP', 'CTRL
 EVENTS = ['HELD+i', 'RELEASE+i', 'HELD+SPACE', 'RELEASE+UP', 'HELD+#', 'RELEASE+*']
 
 
-@pytest.mark.parametrize('key', [*KEYS, *EVENTS, *sorted(NAMED_KEYS)])
+@for_all('key', [*KEYS, *EVENTS, *sorted(NAMED_KEYS)])
 def test_every_key_is_read_back_as_it_was(tmp_path, key):
     path = tmp_path / 'saved.keys'
     with KeyScriptWriter(OutputFile(path, '--save-keys')) as writer:

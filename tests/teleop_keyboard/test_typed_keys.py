@@ -22,8 +22,8 @@ def taken(typed, chunks, period=PERIOD):
     return [key for chunk in chunks for key in typed.take(chunk, period)]
 
 
-@pytest.mark.parametrize('decoder', [KeyDecoder, CharacterDecoder])
-@pytest.mark.parametrize('size', [100, 500, READ])
+@for_all('decoder', [KeyDecoder, CharacterDecoder])
+@for_all('size', [100, 500, READ])
 @pytest.mark.slow
 def test_a_pasted_megabyte_is_a_stop_and_no_key(decoder, size):
     assert taken(TypedKeys(decoder()), reads(b'i' * MEGABYTE, size)) == ['STOP']

@@ -184,7 +184,7 @@ def messages() -> list[object]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('message', messages(), ids=lambda message: type(message).__name__)
+@for_all('message', messages())
 def test_a_message_ends_where_its_fields_end(message: object) -> None:
     data = to_bytes(message)
     assert deserialize_message(data, type(message)) == message

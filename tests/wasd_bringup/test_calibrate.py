@@ -5,6 +5,7 @@ import contextlib
 import io
 from pathlib import Path
 
+from cases import for_all
 from diff_drive_sim.controller_file import read_controller_file
 import numpy as np
 import pytest
@@ -88,7 +89,7 @@ def test_a_radius_is_that_of_the_wheels_that_the_file_chooses(monkeypatch, capsy
     assert believed[0]['left_wheel_radius_multiplier'] == pytest.approx(0.04 / 0.08)
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('words', 'error'),
     [
         (['--side', '0'], '--side: got 0, wanted 0.2 to 10'),

@@ -49,12 +49,7 @@ CASES = [
 ]
 
 
-@pytest.fixture(
-    params=CASES, ids=lambda case: ' '.join([case[0], *map(':='.join, case[1].items())])
-)
-def started(request, launch_file):
-    name, asked = request.param
-    return launch_file(FOLDER / name).start(**asked)
+in_each = for_all(('name', 'asked'), CASES)
 
 
 def is_foreign(node):
@@ -67,14 +62,18 @@ def topics():
     return set(re.findall(r'^\| `([^`]+)`', (ROOT / 'docs/topics.md').read_text(), re.M))
 
 
-def test_every_package_and_executable_exists(started):
+@in_each
+def test_every_package_and_executable_exists(launch_file, name, asked):
+    started = launch_file(FOLDER / name).start(**asked)
     assert started
     for node in started:
         if not is_foreign(node):
             assert SCRIPTS[node.executable].partition('.')[0] == node.package
 
 
-def test_every_parameter_exists_and_has_a_legal_value(started):
+@in_each
+def test_every_parameter_exists_and_has_a_legal_value(launch_file, name, asked):
+    started = launch_file(FOLDER / name).start(**asked)
     for node in started:
         given = {k: v for k, v in node.parameters.items() if k not in OTHER_PARAMETERS}
         if given.get('mode') == '':  # as its file says
@@ -88,7 +87,9 @@ def test_every_parameter_exists_and_has_a_legal_value(started):
             definition.from_mapping(given)
 
 
-def test_every_file_exists_and_is_for_the_node_that_gets_it(started):
+@in_each
+def test_every_file_exists_and_is_for_the_node_that_gets_it(launch_file, name, asked):
+    started = launch_file(FOLDER / name).start(**asked)
     for node in started:
         for path in node.files:
             if is_foreign(node):
@@ -100,12 +101,16 @@ def test_every_file_exists_and_is_for_the_node_that_gets_it(started):
             assert argument == '-d' or Path(argument).is_file()
 
 
-def test_every_renamed_topic_is_one_of_ours(started):
+@in_each
+def test_every_renamed_topic_is_one_of_ours(launch_file, name, asked):
+    started = launch_file(FOLDER / name).start(**asked)
     for node in started:
         assert is_foreign(node) or set(node.remappings) <= topics()
 
 
-def test_the_launch_ends_with_a_node_without_which_nothing_drives(started):
+@in_each
+def test_the_launch_ends_with_a_node_without_which_nothing_drives(launch_file, name, asked):
+    started = launch_file(FOLDER / name).start(**asked)
     for node in started:
         is_keyboard = node.executable in ('key_publisher', 'teleop')
         is_needed = len(started) == 1 or not (is_foreign(node) or is_keyboard)

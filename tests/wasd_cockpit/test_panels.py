@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 
+from cases import for_all
 import programs
 import pytest
 
@@ -55,6 +56,6 @@ def played(log_directory: Path, ros_domains, tmp_path_factory) -> dict[str, dict
 
 
 @pytest.mark.takes_up_to(1200.0)
-@pytest.mark.parametrize(('module', 'name'), scenarios())
+@for_all(('module', 'name'), scenarios())
 def test_the_panels_do_what_they_say(played, module, name):
     assert played[module][f'scenario_{name}'] == ''

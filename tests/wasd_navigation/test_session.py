@@ -133,7 +133,7 @@ def spoil(name, value):
     return change
 
 
-@pytest.mark.parametrize(
+@for_all(
     'change',
     [
         spoil('poses', lambda poses: poses * math.nan),
