@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.errors import InvalidMessage
+from wasd_core.jit import jit
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import matrix_from_quaternion, Pose, rpy_from_matrix, yaw_matrix
 
@@ -169,6 +170,7 @@ class OdometryGrowth:
         return move, _grow(*before, move, covariance)
 
 
+@jit
 def _grow(pose: np.ndarray, before: np.ndarray, move: np.ndarray, after: np.ndarray) -> np.ndarray:
     """
     Return what the covariance in the odom frame has grown by, in the axes of `pose`.
@@ -176,18 +178,24 @@ def _grow(pose: np.ndarray, before: np.ndarray, move: np.ndarray, after: np.ndar
     That is P' - F P F^T, as F carries the error of the heading into the place. What has shrunk,
     as by rounding or in a message that always says the same, has not grown.
     """
-    grown = turn_axes(after - add_covariance(before, pose, move, np.zeros((3, 3))), -pose[2])
+    carried = add_covariance(before, pose, move, np.zeros((3, 3)))
+    for i in range(3):
+        for j in range(3):
+            carried[i, j] = after[i, j] - carried[i, j]
+    grown = turn_axes(carried, -pose[2])
     way, turn = math.hypot(move[0], move[1]), abs(move[2])
-    least = np.zeros((3, 3))
-    least[0, 0] = least[1, 1] = LEAST_WAY * way + STANDING
-    least[2, 2] = LEAST_TURN * (turn + way) + STANDING
-    if not is_definite(grown + least):
+    place, heading = LEAST_WAY * way + STANDING, LEAST_TURN * (turn + way) + STANDING
+    least = (place, place, heading)
+    for i in range(3):
+        grown[i, i] += least[i]
+    if not is_definite(grown):
         for i in range(3):
             for j in range(3):
-                grown[i, j] = max(0.0, grown[i, j]) if i == j else 0.0
-    return grown + least
+                grown[i, j] = max(least[i], grown[i, j]) if i == j else 0.0
+    return grown
 
 
+@jit
 def add_covariance(
     covariance: np.ndarray, pose: np.ndarray, move: np.ndarray, growth: np.ndarray
 ) -> np.ndarray:
@@ -201,5 +209,8 @@ def add_covariance(
     F = np.eye(3)
     F[0, 2] = -(sin * move[0] + cos * move[1])
     F[1, 2] = cos * move[0] - sin * move[1]
-    added: np.ndarray = sandwich(F, covariance) + turn_axes(growth, pose[2])
-    return added
+    carried, added = sandwich(F, covariance), turn_axes(growth, pose[2])
+    for i in range(3):
+        for j in range(3):
+            carried[i, j] += added[i, j]
+    return carried

@@ -75,11 +75,16 @@ class Canvas:
         """Grow so that rays as they are drawn lie in it: kernels do not look at its bounds."""
         if not len(ends):
             return
-        low, high = _bounds(pose, begins, ends, self._resolution)
+        left, low, right, high = _bounds(pose, begins, ends, self._resolution)
+        (x, y), (rows, columns) = self._corner.tolist(), self._odds.shape
+        if rows and left >= x and low >= y and right <= x + columns and high <= y + rows:
+            return
+        self._grow(np.array((left, low)), np.array((right, high)))
+
+    def _grow(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Have all cells (x, y) from one on up to another one, too."""
         size = np.array(self._odds.shape[::-1])
         end = self._corner + size
-        if size.all() and (low >= self._corner).all() and (high <= end).all():
-            return
         margin = round(GROWTH / self._resolution)
         if size.all():
             low = np.where(low < self._corner, low - margin, self._corner)
@@ -94,20 +99,22 @@ class Canvas:
 @jit
 def _bounds(
     pose: np.ndarray, begins: np.ndarray, ends: np.ndarray, resolution: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[int, int, int, int]:
     """Return the first cell (x, y) and that after the last that rays touch, one more around."""
-    low, high = np.empty(2), np.empty(2)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    for index in range(2 * ends.shape[0]):
-        px, py = begins[index // 2] if index % 2 == 0 else ends[index // 2]
-        x, y = pose[0] + cos * px - sin * py, pose[1] + sin * px + cos * py
-        if index == 0:
-            low[0] = high[0] = x
-            low[1] = high[1] = y
-        low[0], high[0] = min(low[0], x), max(high[0], x)
-        low[1], high[1] = min(low[1], y), max(high[1], y)
-    first, last = np.floor(low / resolution), np.floor(high / resolution)
-    return first.astype(np.int64) - 1, last.astype(np.int64) + 2
+    left, low, right, high = np.inf, np.inf, -np.inf, -np.inf
+    for points in (begins, ends):
+        for index in range(points.shape[0]):
+            px, py = points[index]
+            x, y = pose[0] + cos * px - sin * py, pose[1] + sin * px + cos * py
+            left, right = min(left, x), max(right, x)
+            low, high = min(low, y), max(high, y)
+    return (
+        math.floor(left / resolution) - 1,
+        math.floor(low / resolution) - 1,
+        math.floor(right / resolution) + 2,
+        math.floor(high / resolution) + 2,
+    )
 
 
 @jit
@@ -244,27 +251,47 @@ def _look_through(
     length = min(length, most / max(1e-9, across))
     if length <= 0.0:
         return
-    x3, y3 = other[0] - begin[0], other[1] - begin[1]
-    x1, y1 = length * first[0], length * first[1]
-    x2, y2 = x3 + length * second[0], y3 + length * second[1]
+    # Lines of cells along the rays are few and long: x runs along them, y from one to the next.
+    inner = 1 if abs(first[1]) > abs(first[0]) else 0
+    outer = 1 - inner
+    x3, y3 = other[inner] - begin[inner], other[outer] - begin[outer]
+    x1, y1 = length * first[inner], length * first[outer]
+    x2, y2 = x3 + length * second[inner], y3 + length * second[outer]
     # Middles are at half cells; sides that two triangles share belong to one of them.
-    x0, y0 = begin[0] - 0.5, begin[1] - 0.5
+    x0, y0 = begin[inner] - 0.5, begin[outer] - 0.5
     low = math.ceil(y0 + min(min(0.0, y3), min(y1, y2)))
     high = math.ceil(y0 + max(max(0.0, y3), max(y1, y2)))
-    for row in range(max(0, low), min(odds.shape[0], high)):
-        y = row - y0
+    slope, slope_across = _slope(x1, y1), _slope(x2 - x1, y2 - y1)
+    slope_back, slope_begin = _slope(x3 - x2, y3 - y2), _slope(x3, y3)
+    for line in range(max(0, low), min(odds.shape[inner], high)):
+        y = line - y0
         left, right = np.inf, -np.inf
-        for ax, ay, bx, by in (
-            (0.0, 0.0, x1, y1),
-            (x1, y1, x2, y2),
-            (x2, y2, x3, y3),
-            (x3, y3, 0.0, 0.0),
-        ):
-            if (ay <= y) != (by <= y):
-                x = ax + (bx - ax) * ((y - ay) / (by - ay))
-                left, right = min(left, x), max(right, x)
+        above = y >= 0.0, y >= y1, y >= y2, y >= y3
+        if above[0] != above[1]:
+            x = slope * y
+            left, right = min(left, x), max(right, x)
+        if above[1] != above[2]:
+            x = x1 + slope_across * (y - y1)
+            left, right = min(left, x), max(right, x)
+        if above[2] != above[3]:
+            x = x2 + slope_back * (y - y2)
+            left, right = min(left, x), max(right, x)
+        if above[3] != above[0]:
+            x = slope_begin * y
+            left, right = min(left, x), max(right, x)
         if left > right:
             continue
-        first_column, last_column = math.ceil(x0 + left), math.ceil(x0 + right)
-        for column in range(max(0, first_column), min(odds.shape[1], last_column)):
-            odds[row, column] = max(LEAST, odds[row, column] + MISS)
+        start = max(0, math.ceil(x0 + left))
+        end = min(odds.shape[outer], math.ceil(x0 + right))
+        if inner == 0:
+            for column in range(start, end):
+                odds[line, column] = max(LEAST, odds[line, column] + MISS)
+        else:
+            for row in range(start, end):
+                odds[row, line] = max(LEAST, odds[row, line] + MISS)
+
+
+@jit
+def _slope(x: float, y: float) -> float:
+    """Return x over y; 0 where no line lies between."""
+    return x / y if y != 0.0 else 0.0
