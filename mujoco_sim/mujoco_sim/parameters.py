@@ -2,10 +2,11 @@
 """The simulator's settings, also those unknown to controllers; loads no MuJoCo."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 import math
 from typing import NamedTuple, Self
 
+from wasd_core.arguments import check
 from wasd_core.command_line import Executable
 from wasd_core.errors import UserError
 from wasd_core.parameters import InvalidParameter, parameter, Parameters
@@ -196,6 +197,8 @@ class Untold:
         Raises:
             UserError: one that no robot or floor can have.
         """
+        for one in fields(self):
+            check(one.name, getattr(self, one.name), one.type)
         low, high = FRICTION
         if self.friction is not None and not low <= self.friction <= high:
             wanted = f'>= {low:g} and <= {high:g}'

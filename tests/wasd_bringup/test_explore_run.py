@@ -115,4 +115,4 @@ def test_a_patrol_ends_where_no_goal_can_be_reached(make):
     go_on(run, 5.0)
     navigation = run.navigations[0]
     assert {goal['state'] for goal in navigation.report()['goals']} == {'refused'}
-    assert len(navigation.report()['goals']) == 3
+    assert len(navigation.report()['goals']) == 2

@@ -27,7 +27,8 @@ from policy_player.observations import Observer
 from policy_player.spec import PolicySpec, Term
 from quadruped_sim.height_scan import height_scan
 from robot_description.description import Description, load_robot
-from wasd_core.errors import UserError
+from wasd_core.arguments import check, checked
+from wasd_core.errors import suggest, UserError
 from wasd_core.robot_io import BaseState, JointCommand, Senses
 from wasd_core.rotations import Pose, rpy_matrix
 
@@ -55,6 +56,9 @@ SPEC = PolicySpec(
     observation_clip=100.0,
     ranges=((-0.5, 1.0), (-0.3, 0.3), (-1.0, 1.0)),
 )
+# What is commanded, and an action.
+Command = tuple[float, float, float]
+ACTION: Any = tuple[(float,) * 12]  # type: ignore[misc]
 # The same with the heights around the robot.
 WITH_HEIGHTS = replace(SPEC, terms=(*SPEC.terms, Term(name='height_scan', clip=(-1.0, 1.0))))
 # The base above the floor as it begins, and so low it has fallen [m].
@@ -90,6 +94,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
 
     metadata: dict[str, Any] = {'render_modes': ['rgb_array'], 'render_fps': 50}
 
+    @checked
     def __init__(
         self,
         world: str = 'flat',
@@ -97,7 +102,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         randomise: float = 0.0,
         noise: bool = True,
         heights: bool = False,
-        command: tuple[float, float, float] | None = None,
+        command: Command | None = None,
         render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, 'rgb_array'):
@@ -117,10 +122,21 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         self._build(0)
         self._picture: Offscreen | None = None
 
+    @checked
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode; `options` may have a `command`, (3,)."""
+        """
+        Begin an episode; `options` may have a `command`, (3,).
+
+        Raises:
+            UserError: what is wrong with an argument, in one line.
+        """
+        for name in options or ():
+            if name != 'command':
+                raise UserError(f'reset: unknown option {name!r}{suggest(name, ["command"])}')
+        given = (options or {}).get('command', self._given)
+        check('reset: command', given, Command | None)
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**31))
         if self._level > 0.0:
@@ -128,14 +144,19 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         self._world.seed = drawn
         self._world.reset()
         self._observer.reset()
-        given = (options or {}).get('command', self._given)
         command = self.np_random.uniform(self._low, self._high) if given is None else given
         self._command = np.array(command, float)
         self._action = np.zeros(12)
         return self._observe(), {'truth': self._world.base(), 'command': self._command.copy()}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Hold joint targets for 20 ms."""
+        """
+        Hold joint targets for 20 ms.
+
+        Raises:
+            UserError: the action is not twelve finite numbers.
+        """
+        check('step: action', action, ACTION)
         before = self._action
         self._action = np.minimum(np.maximum(np.asarray(action, float), -1.0), 1.0)
         position = (self._default + self._scale * self._action)[self._motors]

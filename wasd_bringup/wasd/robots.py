@@ -10,17 +10,19 @@ import time
 from types import MappingProxyType
 from typing import Any
 
-from mujoco_sim.parameters import NOTHING, Untold
+from mujoco_sim.parameters import NOTHING, SimulatorParameters, Untold
 from mujoco_sim.pictures import take_picture, Viewpoint
-import numpy as np
 from quadruped_sim.keys import STATE_KEYS, StateName
 from quadruped_sim.states.policy import Walker
+from wasd_bringup.cli.options import LONGEST_RUN, read_folders
 from wasd_bringup.robots import G1 as G1_ROW
 from wasd_bringup.robots import GO2, MBOT
-from wasd_bringup.run.options import MAPPED_SCAN, RunOptions
+from wasd_bringup.run.options import MAPPED_SCAN, RunOptions, SCANS
 from wasd_bringup.run.robot import Velocity
 from wasd_bringup.run.worlds import build_robots
-from wasd_core.errors import UserError
+from wasd_core.arguments import checked
+from wasd_core.errors import one_line, UserError
+from wasd_core.parameters import shown
 from wasd_core.robot_io import BaseOdometry, BaseState
 
 # States that follow `drive`.
@@ -38,13 +40,11 @@ class Robot:
     robot. Only one thread may use it at a time; a call from another thread is refused.
 
     Raises:
-        UserError: the seed is not a whole number >= 0.
+        UserError: the seed is below 0 or has more than 63 bits.
     """
 
     def __init__(self, options: RunOptions) -> None:
-        seed = options.seed
-        if not isinstance(seed, (int, np.integer)) or seed < 0:
-            raise UserError(f'seed: got {seed!r}, wanted a whole number >= 0')
+        SimulatorParameters.checked('seed', int(options.seed))
         (robot,) = build_robots(options, visuals=True)
         self._robot: Any = robot
         for note in robot.notes:
@@ -77,15 +77,16 @@ class Robot:
         """The true state of the base: position [m], quaternion w x y z, velocities."""
         return self._world.base()
 
+    @checked
     def run(self, seconds: float) -> None:
         """
         Simulate a time [s], as fast as possible; with a window, in real time.
 
         Raises:
-            UserError: the time is negative or not finite.
+            UserError: the time is negative or longer than a run can be.
         """
-        if not 0.0 <= seconds < float('inf'):
-            raise UserError(f'run: got {seconds} s, wanted a finite time >= 0')
+        if not 0.0 <= seconds <= LONGEST_RUN:
+            raise UserError(f'run: got {seconds} s, wanted a time >= 0 and <= {LONGEST_RUN:g}')
         with self._alone('run'):
             end = self._world.tick + round(seconds / self._world.time_step)
             self._simulation.run(
@@ -94,6 +95,7 @@ class Robot:
                 duration=end * self._world.time_step,
             )
 
+    @checked
     def push(
         self, force: Sequence[float], seconds: float, point: Sequence[float] | None = None
     ) -> None:
@@ -105,20 +107,20 @@ class Robot:
         Raises:
             UserError: not three finite numbers, or a time that is not above 0.
         """
+        if not 0.0 < seconds <= LONGEST_RUN:
+            raise UserError(f'push: got {seconds} s, wanted a time > 0 and <= {LONGEST_RUN:g}')
         with self._alone('push'):
-            is_taken = seconds > 0.0 and self._world.push(force, seconds, point)
+            is_taken = self._world.push(force, seconds, point)
         if not is_taken:
-            at = '' if point is None else f' at {point!r}'
-            raise UserError(
-                f'push: got {force!r} for {seconds!r} s{at}, '
-                'wanted three finite numbers, for a time > 0'
-            )
+            at = '' if point is None else f' at {shown(point)}'
+            raise UserError(f'push: got {shown(force)}{at}, wanted three numbers')
 
     def reset(self) -> None:
         """Put the robot back to its start, controller included; time goes on."""
         with self._alone('reset'):
             self._simulation.reset()
 
+    @checked
     def picture(self, path: str | os.PathLike[str]) -> None:
         """
         Write a picture of the present scene, 1280 x 720, for instance a PNG.
@@ -131,7 +133,7 @@ class Robot:
             try:
                 take_picture(self._world, view, Path(path))
             except (OSError, ValueError) as error:
-                raise UserError(f'picture: {error}') from error
+                raise UserError(f'picture: {path}: {one_line(error)}') from error
 
     def show(self) -> None:
         """
@@ -179,16 +181,6 @@ class Robot:
             time.sleep(timeout)
 
 
-def _check_key(key: str) -> None:
-    if not isinstance(key, str):
-        raise UserError(f"press: got {key!r}, wanted the name of a key, such as '2'")
-
-
-def _check_velocity(*velocity: float) -> None:
-    if not np.isfinite(velocity).all():
-        raise UserError(f'drive: got {velocity}, wanted finite numbers')
-
-
 class Go2(Robot):
     """
     A Unitree Go2, or any quadruped, with its leg controller: keys 2 stand, 4 trot, 5 move base.
@@ -205,6 +197,7 @@ class Go2(Robot):
         UserError: the description, the world or an option is wrong; one line says how.
     """
 
+    @checked
     def __init__(
         self,
         world: str = 'flat',
@@ -222,6 +215,9 @@ class Go2(Robot):
         height_scan: str = MAPPED_SCAN,
         untold: Untold = NOTHING,
     ) -> None:
+        if height_scan not in SCANS:
+            wanted = ' or '.join(SCANS)
+            raise UserError(f'height_scan: got {height_scan!r}, wanted {wanted}')
         super().__init__(
             RunOptions(
                 robot=GO2.name,
@@ -229,7 +225,7 @@ class Go2(Robot):
                 world=world,
                 seed=seed,
                 description=description,
-                package_path=tuple(Path(folder) for folder in package_path),
+                package_path=read_folders(package_path, 'package_path'),
                 xacro_arguments=xacro_arguments,
                 estimator=estimator,
                 limits=limits,
@@ -257,6 +253,7 @@ class Go2(Robot):
         limits = self._robot.legs.controller.command_filter.limits
         return limits.forward, limits.lateral, limits.yaw
 
+    @checked
     def press(self, key: str) -> str | None:
         """
         Press a key of the Go2: a state (0 to 9, v), a stick (w a s d j l i k, space), a gait (n,
@@ -268,7 +265,6 @@ class Go2(Robot):
         Raises:
             UserError: the state cannot follow the present one, and what to press; or no text.
         """
-        _check_key(key)
         with self._alone('press'):
             controller = self._robot.legs.controller
             said: str | None = controller.press(key)
@@ -277,6 +273,7 @@ class Go2(Robot):
             raise UserError(said)
         return said
 
+    @checked
     def drive(self, vx: float, vy: float = 0.0, wz: float = 0.0) -> None:
         """
         Command a velocity [m/s], [m/s], [rad/s] until the next, or the end of the state.
@@ -286,7 +283,6 @@ class Go2(Robot):
         Raises:
             UserError: not finite, or the robot is in another state.
         """
-        _check_velocity(vx, vy, wz)
         with self._alone('drive'):
             if self._robot.legs.controller.coming_state not in DRIVEN:
                 raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
@@ -310,6 +306,7 @@ class G1(Robot):
         UserError: the description, the world or an option is wrong; one line says how.
     """
 
+    @checked
     def __init__(
         self,
         world: str = 'flat',
@@ -328,7 +325,7 @@ class G1(Robot):
                 world=world,
                 seed=seed,
                 description=description,
-                package_path=tuple(Path(folder) for folder in package_path),
+                package_path=read_folders(package_path, 'package_path'),
                 policy=None if policy is None else os.fspath(policy),
                 policy_config=None if policy_config is None else os.fspath(policy_config),
                 untold=untold,
@@ -342,6 +339,7 @@ class G1(Robot):
         is_on: bool = self._robot.hoist.is_on
         return is_on
 
+    @checked
     def press(self, key: str) -> None:
         """
         Press 1, 2 or p for a state, or h for the hoist.
@@ -349,7 +347,6 @@ class G1(Robot):
         Raises:
             UserError: another key, or the state cannot follow the present one, and what to press.
         """
-        _check_key(key)
         with self._alone('press'):
             refusals = {choice.key: choice.refusal for choice in self._robot.choices()}
             if key not in refusals:
@@ -359,6 +356,7 @@ class G1(Robot):
             self._velocity = None
             self._robot.press_state(key)
 
+    @checked
     def drive(self, vx: float, vy: float = 0.0, wz: float = 0.0) -> None:
         """
         Command a velocity [m/s], [m/s], [rad/s] until the next, or the end of the state.
@@ -366,7 +364,6 @@ class G1(Robot):
         Raises:
             UserError: not finite, or the robot is in another state than policy.
         """
-        _check_velocity(vx, vy, wz)
         with self._alone('drive'):
             if self.state != StateName.POLICY:
                 raise UserError(f'drive: needs the state policy (2, then p), not {self.state}')
@@ -389,6 +386,7 @@ class Mbot(Robot):
         UserError: the description, the world or an option is wrong; one line says how.
     """
 
+    @checked
     def __init__(
         self,
         world: str = 'flat',
@@ -398,7 +396,7 @@ class Mbot(Robot):
         package_path: Sequence[str | os.PathLike[str]] = (),
         xacro_arguments: Mapping[str, str] = MappingProxyType({}),
         preset: str = 'mbot',
-        controller: str | os.PathLike[str] = '',
+        controller: str | os.PathLike[str] | None = None,
     ) -> None:
         options = RunOptions(
             robot=MBOT.name,
@@ -406,9 +404,9 @@ class Mbot(Robot):
             world=world,
             seed=seed,
             description=description,
-            package_path=tuple(Path(folder) for folder in package_path),
+            package_path=read_folders(package_path, 'package_path'),
             xacro_arguments=xacro_arguments,
-            controller=Path(controller) if controller else None,
+            controller=None if controller is None else Path(controller),
             speed=0.0,
         )
         mode = 'float' if options.drive_file is None else options.drive_file.parameters.mode
@@ -422,6 +420,7 @@ class Mbot(Robot):
         """Odometry of the wheels: x, y [m], yaw [rad], and the velocities."""
         return self._robot.drive_unit.controller.odometry_state
 
+    @checked
     def press(self, key: str) -> None:
         """
         Press a key of the keymap; held keys are pressed again, 30 times a second.
@@ -429,12 +428,12 @@ class Mbot(Robot):
         Raises:
             UserError: no text.
         """
-        _check_key(key)
         with self._alone('press'):
             self._velocity = None
             self._robot.mute(False)
             self._robot.press(key, 'keys')
 
+    @checked
     def drive(self, vx: float, wz: float = 0.0) -> None:
         """
         Command a velocity ahead [m/s] and a turn [rad/s], until the next.
@@ -442,7 +441,6 @@ class Mbot(Robot):
         Raises:
             UserError: not finite.
         """
-        _check_velocity(vx, wz)
         with self._alone('drive'):
             self._robot.mute(True)
             self._velocity = (vx, 0.0, wz)

@@ -243,6 +243,8 @@ def shown(value: Any) -> str:
         text = repr(value)
     except ValueError:  # Python writes out no number of more than 4300 digits
         return 'a number of thousands of digits'
+    if '\n' in text:  # an array
+        text = ' '.join(text.split())
     return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
 
 

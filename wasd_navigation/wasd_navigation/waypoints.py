@@ -42,7 +42,7 @@ class Waypoints:
         self._in_vain = 0 if is_reached else self._in_vain + 1
         if not is_reached and self._left is not None:
             self.missed.append(self.index)
-        if self._left is None and self._in_vain > len(self._goals):
+        if self._left is None and self._in_vain >= len(self._goals):
             return Outcome('failed', 'the robot reached none of its goals in a round')
         self.index += 1
         if self.index == len(self._goals):

@@ -2,7 +2,7 @@
 """A walker from outside, as a neural network, in place of the gait: key p."""
 
 import math
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from wasd_core.errors import suggest, UserError
@@ -30,6 +30,7 @@ LOOK_PERIOD = 0.01
 TRUST_TIME = 0.03
 
 
+@runtime_checkable
 class Walker(Protocol):
     """
     A controller that walks in place of the gait; joints are in its own order.

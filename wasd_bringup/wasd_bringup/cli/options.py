@@ -180,7 +180,9 @@ def read_map_name(path: str, word: str) -> str:
     return str(without_ending(Path(path)))
 
 
-def read_folders(paths: Sequence[str], word: str = '--package-path') -> tuple[Path, ...]:
+def read_folders(
+    paths: Sequence[str | os.PathLike[str]], word: str = '--package-path'
+) -> tuple[Path, ...]:
     """
     Return folders.
 
@@ -211,7 +213,7 @@ def read_assignments(texts: Sequence[str], word: str) -> dict[str, str]:
     return found
 
 
-def _mode(path: str, word: str, kind: str) -> int:
+def _mode(path: str | os.PathLike[str], word: str, kind: str) -> int:
     """Return the type and permissions of a path's target, as stat does."""
     try:
         return os.stat(path).st_mode
