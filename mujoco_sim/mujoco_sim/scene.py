@@ -295,7 +295,7 @@ WORLD_FILES = ('.xml', '.urdf')
 
 def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
     # Here, because few worlds are files.
-    from wasd_core.map_picture import is_plan
+    from wasd_core.map_picture import is_plan, yaml_beside
 
     if is_plan(world):
         add_floor_plan(spec, world)
@@ -310,13 +310,14 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
     if not is_file:
         raise SimulationError(
             f'--world {world}: no such file, and no world of that name; '
-            f'worlds: {WORLD_NAMES}, {WORLD_KINDS}'
+            f'worlds: {WORLD_NAMES}, {WORLD_KINDS}{yaml_beside(world)}'
         )
     if path.suffix.lower() not in WORLD_FILES:
         raise SimulationError(
             f'--world {world}: wanted an MJCF or URDF file, whose name ends in '
             + ' or '.join(WORLD_FILES)
             + ', or a floor plan: FILE.yaml, or PICTURE,METRES_PER_PIXEL as in plan.png,0.05'
+            + yaml_beside(world)
         )
     try:
         surroundings = mujoco.MjSpec.from_file(str(path))

@@ -40,10 +40,8 @@ def make_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    _add_expand(commands)
-    _add_lint(commands)
-    _add_fix(commands)
-    _add_info(commands)
+    for add in COMMANDS.values():
+        add(commands)
     return parser
 
 
@@ -101,6 +99,14 @@ def _add_info(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
         help='compare the links in MuJoCo, Pinocchio and yourdfpy, too',
     )
     parser.set_defaults(run=_info)
+
+
+COMMANDS = {'expand': _add_expand, 'lint': _add_lint, 'fix': _add_fix, 'info': _add_info}
+
+
+def is_command(words: Sequence[str]) -> bool:
+    """Whether the first word that is no xacro argument is one of the commands."""
+    return next((word for word in words if ASSIGNMENT not in word), '') in COMMANDS
 
 
 def _folder(text: str) -> Path:

@@ -16,6 +16,8 @@ Wasd = Callable[..., 'subprocess.CompletedProcess[str]']
 
 MISTAKES = [
     (['mbot', '--no-such-option'], '--no-such-option'),
+    (['describe', 'foo'], "invalid choice: 'foo' (choose from 'policy', 'expand'"),
+    (['mbot', '--keepout', 'nowhere.yaml'], '--keepout nowhere.yaml: no such file'),
     (['fly'], "invalid choice: 'fly'"),
     (['mbot', '--play', 'nowhere.txt'], '--play nowhere.txt: No such file'),
     (['mbot', '--twist', 'nowhere.txt'], '--twist nowhere.txt: No such file'),

@@ -178,6 +178,8 @@ def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
         ('foreign.mcap', 'foreign.mcap: recorded by another version'),
         ('bare.mcap', 'bare.mcap: not recorded by'),
         ('begun.mcap', 'begun.mcap: not recorded by'),
+        ('magic.mcap', 'magic.mcap: not recorded by `wasd ... --record`, or broken off at its'),
+        ('flipped.mcap', 'flipped.mcap: damaged ('),
         ('empty.mcap', 'empty.mcap: is empty'),
         ('torn.mcap', 'torn.mcap: no MCAP recording ('),
         ('pipe.mcap', 'pipe.mcap: is a device or pipe'),
@@ -194,9 +196,12 @@ def test_what_is_no_recording_is_said_in_one_line(
     runner, _ = run
     BagWriter(Path(runner.folder) / 'foreign.mcap', {'robot': 'mbot'}).close()
     whole = (runner.folder / 'run.mcap').read_bytes()
-    parts = {'bare': 20, 'begun': 3, 'empty': 0}
+    parts = {'bare': 20, 'begun': 3, 'empty': 0, 'magic': 8}
     for part, size in parts.items():
         (runner.folder / f'{part}.mcap').write_bytes(whole[:size])
+    flipped = bytearray(whole)
+    flipped[len(whole) // 4] ^= 1
+    (runner.folder / 'flipped.mcap').write_bytes(flipped)
     (runner.folder / 'torn.mcap').write_bytes(whole[:200] + whole[-200:])
     if name == 'pipe.mcap':
         os.mkfifo(runner.folder / name)
@@ -205,6 +210,7 @@ def test_what_is_no_recording_is_said_in_one_line(
     errors = capsys.readouterr().err
     assert errors.startswith(f'error: {said}'), errors
     assert len(errors.splitlines()) == 1
+    assert errors.count(name) == 1 or name == '.'
 
 
 def test_a_recording_that_breaks_off_is_driven_as_far_as_it_goes(run: Any) -> None:

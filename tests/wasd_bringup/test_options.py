@@ -9,7 +9,8 @@ from pathlib import Path
 from mujoco_sim.parameters import Payload, Untold
 import pytest
 from wasd_bringup.cli import make_parser
-from wasd_bringup.cli.options import add_run_options, read_options
+from wasd_bringup.cli.options import add_run_options, OPTIONS, read_options
+from wasd_bringup.robots import WHEELS
 from wasd_bringup.run.options import AFTERGLOW
 from wasd_bringup.tools.recording.reader import describe_run, recorded_options
 from wasd_core.errors import UserError
@@ -48,6 +49,36 @@ def test_a_wheeled_robot_has_no_estimator_to_choose():
     assert read_options(parser.parse_args([])).estimator == 'kalman'
     with pytest.raises(SystemExit):
         parser.parse_args(['--estimator', 'truth'])
+
+
+@pytest.mark.parametrize(
+    'option', [option for option in OPTIONS if set(option.how) <= {'metavar', 'nargs', 'const'}]
+)
+def test_an_empty_value_as_of_an_unset_variable_is_refused(option):
+    robot = 'mbot' if option.of == WHEELS else 'go2'
+    parser = argparse.ArgumentParser()
+    add_run_options(parser, robot)
+    with pytest.raises(UserError) as caught:
+        read_options(parser.parse_args([f'{option.word}=']))
+    assert str(caught.value) == f"{option.word}: got '', wanted {option.how['metavar']}"
+
+
+def test_an_option_that_stands_alone_is_no_empty_value(read):
+    assert read('--map', '--gamepad').map == ''
+    assert read('--map', '--gamepad').gamepad == ''
+
+
+def test_a_picture_that_is_given_as_a_map_names_the_yaml_beside_it(read, tmp_path):
+    (tmp_path / 'house.pgm').write_bytes(b'P5\n4 4\n255\n' + bytes(16))
+    for words in (('--keepout', 'house.pgm'), ('--map', 'house')):
+        with pytest.raises(UserError) as caught:
+            read(*words)
+        assert 'did you mean' not in str(caught.value)
+    (tmp_path / 'house.yaml').write_text('image: house.pgm\nresolution: 0.05\norigin: [0, 0, 0]')
+    for words in (('--keepout', 'house.pgm'), ('--map', 'house')):
+        with pytest.raises(UserError, match=f'^{words[0]} .*, did you mean house.yaml.$'):
+            read(*words)
+    assert read('--keepout', 'house.yaml').keepout == 'house.yaml'
 
 
 def test_scripts_are_read_at_once(read, tmp_path):

@@ -8,6 +8,7 @@ unknown.
 
 from io import BytesIO
 import math
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,6 +54,12 @@ def is_plan(words: str) -> bool:
     return Path(words).suffix.lower() in TEXTS or _scale(words) is not None
 
 
+def yaml_beside(path: str | os.PathLike[str]) -> str:
+    """Return ', did you mean FILE.yaml?' where that lies beside a picture or has its name."""
+    name = os.path.splitext(path)[0] + TEXTS[0]
+    return f', did you mean {name}?' if name != str(path) and os.path.isfile(name) else ''
+
+
 def read_plan(words: str) -> MapPicture:
     """
     Return the map of a YAML file, or of `PICTURE,METRES_PER_PIXEL`.
@@ -66,7 +73,7 @@ def read_plan(words: str) -> MapPicture:
     if scale is None:
         if Path(words).suffix.lower() not in TEXTS:
             wanted = 'wanted FILE.yaml, or PICTURE,METRES_PER_PIXEL as in plan.png,0.05'
-            raise MapFileError(f'{words}: {wanted}')
+            raise MapFileError(f'{words}: {wanted}{yaml_beside(words)}')
         return read_map(Path(words))
     path = Path(words.rpartition(',')[0])
     if not FINEST <= scale <= COARSEST:
@@ -99,9 +106,11 @@ def read_map(path: Path) -> MapPicture:
         said = yaml.safe_load(text)
     # The others are what it raises for a word that is not of the kind that its tag says.
     except (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
-        raise MapFileError(f'{path}: no YAML: {one_line(error)}') from error
+        why = f'no YAML: {one_line(error)}{yaml_beside(path)}'
+        raise MapFileError(f'{path}: {why}') from error
     if not isinstance(said, dict):
-        raise MapFileError(f'{path}: wanted image, resolution and origin of a map')
+        wanted = f'wanted image, resolution and origin of a map{yaml_beside(path)}'
+        raise MapFileError(f'{path}: {wanted}')
     resolution = _number(path, said, 'resolution')
     if not FINEST <= resolution <= COARSEST:
         wanted = f'{FINEST:g} to {COARSEST:g} m'

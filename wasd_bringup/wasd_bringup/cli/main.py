@@ -11,6 +11,7 @@ import subprocess
 import sys
 from typing import Any, NoReturn
 
+from robot_description import describe_command
 from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap_file import describe_keymap, list_presets
 from teleop_keyboard.terminal import tolerate_any_text
@@ -186,9 +187,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if words and words[0] in CLONE_COMMANDS:
             return CLONE_COMMANDS[words[0]](words[1:])
-        if words[:1] == ['describe'] and words[1:2] not in ([], ['policy'], ['-h'], ['--help']):
-            from robot_description import describe_command
-
+        if words[:1] == ['describe'] and describe_command.is_command(words[1:]):
             return describe_command.main(words[1:])
         words, ros_arguments = split_ros_arguments(words)
         if words and Path(words[0]).suffix in DESCRIPTIONS:

@@ -38,6 +38,8 @@ LONGEST_RUN = 1e9
 LARGEST_SCRIPT = 100_000_000
 # Where Foxglove looks first.
 FOXGLOVE_PORT = 8765
+# An option's value where none followed it: '' is what somebody typed.
+ALONE = True
 VIEWERS = ('web', 'native', 'none')
 # Which commands have an option: every run, or those of one robot; a kind of robots names others.
 EVERY, ONE = 'every run', 'one robot'
@@ -160,16 +162,40 @@ def read_file_name(path: str, word: str) -> Path:
     return Path(path)
 
 
-def read_map(path: str, word: str) -> str:
+def read_map(path: str | bool, word: str) -> str:
     """
-    Return the map to localise in; '' makes one.
+    Return the map to localise in; '' makes one, where the word stood ALONE.
 
     Raises:
         UserError: there is no such file.
     """
-    if path:
+    # Here, because few runs have a map.
+    from wasd_core.map_picture import yaml_beside
+
+    if isinstance(path, bool):
+        return ''
+    try:
         read_file_name(path, word)
+    except UserError as error:
+        raise UserError(f'{error}{yaml_beside(path)}') from None
     return path
+
+
+def read_keepout(words: str, word: str) -> str:
+    """
+    Return the words for areas to keep out of.
+
+    Raises:
+        UserError: their files are none.
+    """
+    # Here, because few runs have such areas.
+    from wasd_core.map_picture import read_plan
+
+    try:
+        read_plan(words)
+    except UserError as error:
+        raise UserError(f'{word} {error}') from None
+    return words
 
 
 def read_map_name(path: str, word: str) -> str:
@@ -334,7 +360,8 @@ OPTIONS = (
     Option(
         word='--gamepad',
         help='drive with a gamepad, too (default: the first /dev/input/js* that appears)',
-        how={'nargs': '?', 'const': '', 'metavar': 'DEVICE'},
+        read=lambda given, word: '' if given is ALONE else given,
+        how={'nargs': '?', 'const': ALONE, 'metavar': 'DEVICE'},
     ),
     Option(
         word='--foxglove',
@@ -347,7 +374,7 @@ OPTIONS = (
         help='map while driving, or localise in a saved map; a click in the panel Map sets a '
         'goal, or in the scene with the pointer of the panel View',
         read=read_map,
-        how={'nargs': '?', 'const': '', 'metavar': 'FILE.yaml'},
+        how={'nargs': '?', 'const': ALONE, 'metavar': 'FILE.yaml'},
     ),
     Option(
         word='--continue',
@@ -359,6 +386,7 @@ OPTIONS = (
         word='--keepout',
         help='areas that the robot keeps out of: black in FILE.yaml (map_server) or in '
         'PICTURE,METRES_PER_PIXEL',
+        read=read_keepout,
         how={'metavar': 'FILE'},
     ),
     Option(
@@ -585,6 +613,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     untold: dict[str, Any] = {}
     for option in options_of(robot):
         given = getattr(arguments, option.attribute)
+        if given == '':
+            raise UserError(f"{option.word}: got '', wanted {option.how['metavar']}")
         if given is not None:
             part, _, name = option.name.rpartition('.')
             (untold if part else fields)[name] = option.read(given, option.word)
@@ -662,6 +692,6 @@ def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
         path = getattr(arguments, name, None)
         if name == 'map' and options.continues:
             continue  # it may take the place of what it goes on with
-        if path is not None and os.path.exists(path):
+        if isinstance(path, str) and os.path.exists(path):
             inputs.append((f'--{name}', path))
     check_apart([output for output in outputs if output is not None], inputs)

@@ -6,6 +6,8 @@ from importlib import metadata
 import os
 from typing import Any
 
+from robot_description import describe_command
+
 from wasd_bringup.cli.options import VIEWERS
 from wasd_bringup.robots import BOTH, MBOT, preset_help, ROBOTS, robots_of
 from wasd_bringup.run.inputs import KEY_LINE, SWITCH_LINE
@@ -120,7 +122,10 @@ def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
 
 def add_describe_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd describe`."""
-    parser.add_argument('kind', choices=('policy',), metavar='policy', help='the kind of FILE')
+    kinds = ('policy', *describe_command.COMMANDS)
+    parser.add_argument(
+        'kind', choices=kinds, help='of a network: policy; those below: see describe info --help'
+    )
     parser.add_argument('path', metavar='FILE', help='an ONNX or TorchScript file, or ours')
     parser.add_argument(
         '--policy-config', metavar='FILE', help='settings of its training, if FILE has none'

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
 from mcap.exceptions import EndOfFile
-from mcap.reader import make_reader
+from mcap.reader import FOOTER_SIZE, make_reader
 from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
@@ -64,7 +64,7 @@ class BagReader:
         self.path = path
         file = _open(path)
         try:
-            self._reader: Any = make_reader(_with_index(file))
+            self._reader: Any = make_reader(_with_index(file), validate_crcs=True)
             summary: Any = self._reader.get_summary()
             metadata = {one.name: one.metadata for one in self._reader.iter_metadata()}
             counts = summary.statistics.channel_message_counts
@@ -79,7 +79,8 @@ class BagReader:
         except Exception as error:  # mcap raises whatever a wrong byte leads to
             raise RecordingError(f'{path}: no MCAP recording ({one_line(error)})') from None
         if RECORD_NAME not in metadata:
-            raise RecordingError(f'{path}: not recorded by `wasd ... --record`')
+            short = ', or broken off at its beginning' if not self.topics else ''
+            raise RecordingError(f'{path}: not recorded by `wasd ... --record`{short}')
         self.run: dict[str, str] = metadata[RECORD_NAME]
 
     def messages(self, topics: Collection[str]) -> Iterator[RecordedMessage]:
@@ -107,9 +108,10 @@ def _open(path: Path) -> BinaryIO:
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise RecordingError(f'{path}: is a device or pipe, wanted a file')
         file = path.open('rb')
+        is_empty = not file.read(1)
     except OSError as error:
         raise RecordingError(f'{path}: {one_line(error)}') from None
-    if not file.read(1):
+    if is_empty:
         raise RecordingError(f'{path}: is empty')
     return file
 
@@ -122,7 +124,8 @@ def _with_index(file: BinaryIO) -> BinaryIO:
     """Return a recording, or where it breaks off, a copy of its whole chunks with an index."""
     size = file.seek(0, os.SEEK_END)
     file.seek(max(0, size - len(MCAP0_MAGIC)))
-    is_whole = file.read() == MCAP0_MAGIC
+    # Shorter is no more than a beginning, which ends in the same bytes.
+    is_whole = file.read() == MCAP0_MAGIC and size > FOOTER_SIZE + 2 * len(MCAP0_MAGIC)
     file.seek(0)
     if is_whole:
         return file

@@ -213,9 +213,9 @@ def replay_command(arguments: argparse.Namespace) -> int:
         options = recorded_options(bag.run)
         # Says now what cannot be repeated.
         ros_arguments = recorded_ros_arguments(bag.run) if arguments.drive else []
-        options = dataclasses.replace(options, urdfs=_descriptions(bag), port=arguments.port)
     except RecordingError as error:
         raise RecordingError(f'{bag.path}: {error}') from None
+    options = dataclasses.replace(options, urdfs=_descriptions(bag), port=arguments.port)
     viewer = arguments.viewer or ('web' if sys.stdout.isatty() else 'none')
     usual = '0' if viewer == 'none' else '1'
     speed = read_number(arguments.speed or usual, '--speed')
@@ -280,7 +280,7 @@ def _descriptions(bag: BagReader) -> dict[str, str]:
         (namespace,) = (name for name, topic in topics.items() if topic == message.topic)
         found[namespace] = deserialize_message(message.data, String).data
     if not found:
-        raise RecordingError(f'no {DESCRIPTION} in it')
+        raise RecordingError(f'{bag.path}: no {DESCRIPTION} in it')
     return found
 
 
