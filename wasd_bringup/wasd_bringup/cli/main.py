@@ -11,7 +11,6 @@ import subprocess
 import sys
 from typing import Any, NoReturn
 
-from robot_description import describe_command
 from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap_file import describe_keymap, list_presets
 from teleop_keyboard.terminal import tolerate_any_text
@@ -21,6 +20,7 @@ from wasd_core.network import check_middleware
 from wasd_core.shared_memory import look_before_ros
 from wasd_core.streams import lost_output, OutputLost, prepare_streams, print_error
 
+from robot_description import describe_command
 from wasd_bringup.cli.options import add_run_options
 from wasd_bringup.cli.parsers import (
     add_calibrate_options,

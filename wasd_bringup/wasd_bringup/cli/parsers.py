@@ -7,7 +7,6 @@ import os
 from typing import Any
 
 from robot_description import describe_command
-
 from wasd_bringup.cli.options import VIEWERS
 from wasd_bringup.robots import BOTH, MBOT, preset_help, ROBOTS, robots_of
 from wasd_bringup.run.inputs import KEY_LINE, SWITCH_LINE
