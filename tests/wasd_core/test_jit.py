@@ -91,7 +91,6 @@ def test_a_kernel_knows_the_other_files_of_its_package_under_any_name_of_it(kern
     (kernels.folder / 'install/use.py').symlink_to(kernels.folder / 'use.py')
     assert kernels.use() == '1'
     assert kernels.use('install') == '1 1'
-    assert kernels.use() == '1 1'
     # An editor's lock is no module, and goes nowhere.
     (kernels.package / '.#numbers.py').symlink_to('somebody@host.123')
     assert kernels.use() == '1 1'
@@ -266,3 +265,24 @@ def test_what_is_compiled_loads_nothing_to_compile_with(kernels):
             words, cwd=kernels.folder, env=kernels.environment, capture_output=True, text=True
         )
         assert done.stdout.splitlines() == [str(loaded), '0.5'], done.stderr
+
+
+NAMES = """
+from kernels.size import size
+size()
+engine = size.targetctx.codegen()._engine
+(compiled,) = size.overloads.values()
+functions = compiled.library._get_module_for_linking().functions
+names = {each.name for each in functions if not each.is_declaration}
+print(len(names) > 1, names <= engine._defined_symbols)
+print(all(map(engine.is_symbol_defined, names)), engine.is_symbol_defined('nobody'))
+"""
+
+
+def test_of_what_is_loaded_only_the_names_that_are_asked_for_are_looked_up(kernels):
+    assert kernels.use() == '1'
+    words = [sys.executable, '-c', NAMES]
+    done = subprocess.run(
+        words, cwd=kernels.folder, env=kernels.environment, capture_output=True, text=True
+    )
+    assert done.stdout.splitlines() == ['True False', 'True False'], done.stderr

@@ -65,8 +65,34 @@ def _import_numba() -> None:
 
 _import_numba()
 
-from numba.core import caching  # noqa: E402
+from numba.core import caching, codegen  # noqa: E402
 from numba.core.runtime.nrt import rtsys  # noqa: E402
+
+
+def _remember_module(engine: Any, module: Any) -> None:
+    engine.__dict__.setdefault('modules', []).append(module)
+
+
+def _is_symbol_defined(engine: Any, name: str) -> bool:
+    known, modules = engine._defined_symbols, engine.__dict__.get('modules', ())
+    # The newest first: it is what is asked about.
+    if name not in known and any(_defines(module, name) for module in reversed(modules)):
+        known.add(name)
+    return name in known
+
+
+def _defines(module: Any, name: str) -> bool:
+    for look_up in (module.get_function, module.get_global_variable):
+        with contextlib.suppress(NameError):
+            if not look_up(name).is_declaration:
+                return True
+    return False
+
+
+# numba lists all names of each module that it loads, a call of LLVM for each of thousands: a sixth
+# of the time in which a controller's functions are loaded. A few of them are ever asked for.
+codegen.JitEngine._load_defined_symbols = _remember_module  # type: ignore[method-assign]
+codegen.JitEngine.is_symbol_defined = _is_symbol_defined  # type: ignore[method-assign]
 
 # So many states of a package are kept: those of several checkouts, and of several versions.
 MOST_KEPT = 8
