@@ -20,6 +20,8 @@ from policy_player.spec import PolicyError
 
 # Of the child: address space [bytes], processor time and wall time [s].
 MEMORY, PROCESSOR_TIME, PATIENCE = 6_000_000_000, 20, 60.0
+# Networks that come with the package are no stranger's.
+OURS = Path(__file__).parent / 'networks'
 
 
 def look(path: Path) -> dict[str, Any]:
@@ -29,6 +31,8 @@ def look(path: Path) -> dict[str, Any]:
     Raises:
         PolicyError: it cannot be run.
     """
+    if path.parent == OURS:
+        return describe(open_session(str(path)))
     words = [sys.executable, '-m', 'policy_player.first_look', str(path)]
     try:
         done = subprocess.run(

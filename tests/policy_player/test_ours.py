@@ -11,6 +11,7 @@ from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 
 from mujoco_sim import simulation
+from policy_player import first_look
 
 pytest.importorskip('onnxruntime')
 
@@ -22,6 +23,14 @@ def test_it_is_small_and_says_all_of_itself():
     assert policy.spec.width == 38
     # It knows the estimate that it walks with here.
     assert all('estimate of the legs' in told for told in oddities(policy.spec))
+
+
+def test_no_other_process_looks_at_it_first(monkeypatch):
+    """As one does at a stranger's network, in a quarter of a second."""
+    monkeypatch.setattr(first_look, 'subprocess', None)
+    assert read_policy('ours').network.gives == 12
+    with pytest.raises(AttributeError):
+        first_look.look(OWN['ours'].with_name('..') / 'networks' / 'ours.onnx')
 
 
 @pytest.mark.slow
