@@ -8,11 +8,13 @@ than the test.
 
 from collections.abc import Callable, Iterable, Sequence
 import contextlib
+import copy
 import functools
 import inspect
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 
@@ -20,8 +22,8 @@ def for_all(names: str | Sequence[str], cases: Iterable[Any]) -> Callable[..., A
     """
     Call a test with each of `cases` as `names`; fail with each case that fails, by its values.
 
-    `monkeypatch`, `tmp_path`, `capsys` and `caplog` are as new for each case; all other fixtures
-    are the same for all of them.
+    `monkeypatch`, `tmp_path`, `capsys`, `caplog` and generators of random numbers are as new for
+    each case; all other fixtures are the same for all of them.
     """
     known = [name.strip() for name in names.split(',')] if isinstance(names, str) else list(names)
     # Once, as cases may come from an iterator.
@@ -59,7 +61,10 @@ def for_all(names: str | Sequence[str], cases: Iterable[Any]) -> Callable[..., A
 @contextlib.contextmanager
 def _anew(fixtures: dict[str, Any], number: int) -> Any:
     """Context whose fixtures have nothing of the case before."""
-    fresh = dict(fixtures)
+    fresh = {
+        name: copy.deepcopy(value) if isinstance(value, np.random.Generator) else value
+        for name, value in fixtures.items()
+    }
     with contextlib.ExitStack() as stack:
         if 'monkeypatch' in fresh:
             fresh['monkeypatch'] = stack.enter_context(fresh['monkeypatch'].context())

@@ -4,6 +4,7 @@
 import logging
 
 from cases import for_all
+import numpy as np
 import pytest
 
 
@@ -52,3 +53,13 @@ def test_fixtures_are_as_new_for_each_case(number, tmp_path, monkeypatch, capsys
     assert capsys.readouterr().out == f'{number}\n'
     print('left')
     logging.getLogger(__name__).warning('left')
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+@for_all('number', range(2))
+def test_each_case_draws_the_same(number, rng):
+    assert rng.integers(1000) == np.random.default_rng(3).integers(1000)
