@@ -90,8 +90,8 @@ def _defines(module: Any, name: str) -> bool:
 
 
 # numba lists all names of each module that it loads, a call of LLVM for each of thousands: a sixth
-# of the time in which a controller's functions are loaded. A few of them are ever asked for. A numba
-# that does so in another way is left alone.
+# of the time in which a controller's functions are loaded. A few of them are ever asked for. A
+# numba that does so in another way is left alone.
 if hasattr(codegen.JitEngine, '_load_defined_symbols'):
     codegen.JitEngine._load_defined_symbols = _remember_module  # type: ignore[method-assign]
     codegen.JitEngine.is_symbol_defined = _is_symbol_defined  # type: ignore[method-assign]
