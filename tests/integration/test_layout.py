@@ -190,6 +190,26 @@ def test_a_node_loads_no_simulator_and_teleop_no_robot(module, kept_out):
     assert loaded & set(kept_out) == set()
 
 
+LOADED = """
+import sys
+import rclpy
+import wasd_core.node
+from std_msgs.msg import String
+String.__import_type_support__()
+print(String.__class__._TYPE_SUPPORT is not None, 'lark' in sys.modules)
+from rosidl_generator_py import generate_py
+print(callable(generate_py), 'lark' in sys.modules)
+"""
+
+
+@pytest.mark.slow
+def test_what_makes_messages_of_their_text_is_loaded_when_it_is_asked_for():
+    done = subprocess.run(
+        [sys.executable, '-c', LOADED], check=True, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.splitlines() == ['True False', 'True True']
+
+
 @for_all('pattern', PROJECT['tool']['wasd']['ros_modules'])
 def test_modules_may_know_ros_only_where_some_do(pattern):
     paths = {name: path for package in PACKAGES for name, path in modules(package).items()}

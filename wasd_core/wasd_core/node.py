@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
+import importlib
 import math
 import os
 import sys
@@ -69,6 +70,34 @@ def _first_words(error: str) -> str:
     what, _, why = said.partition('. Error: ')
     # What its lexer expected is a number.
     return what if not why or 'lexeme' in why else f'{what}: {why}'
+
+
+def _load_no_generator() -> None:
+    """
+    Load what finds the type support of messages without what makes messages of their text.
+
+    With the first message ROS loads that, too, with its parser: a quarter of the start of ROS.
+    Here it is loaded when somebody asks for it.
+    """
+    package, generator = 'rosidl_generator_py', 'generate_py'
+    path = f'{package}.{generator}_impl'
+    if package in sys.modules:
+        return
+    sys.modules[path] = None  # type: ignore[assignment]  # as if it were not installed
+    try:
+        loaded = importlib.import_module(package)
+    finally:
+        del sys.modules[path]
+
+    def load(name: str) -> Any:
+        if name != generator:
+            raise AttributeError(f'{package} has no {name}')
+        return getattr(importlib.import_module(path), name)
+
+    vars(loaded)['__getattr__'] = load
+
+
+_load_no_generator()
 
 
 def init_ros(
