@@ -36,6 +36,7 @@ from mbot_picture import draw_square
 import page
 import people
 import policies
+from policy_player.policy_file import read_policy
 import quadrupeds
 import sight
 import slam
@@ -46,7 +47,11 @@ from success import draw_success
 from table import describe_machine, format_table, Row
 import teleop
 from wasd_bringup.cli.parsers import version
+from wasd_core.command_line import OneLineParser
+from wasd_core.errors import UserError
 from wasd_core.extras import install_line
+from wasd_core.output_file import OutputFile
+from wasd_core.streams import print_error
 
 PARTS = {
     'mbot': mbot.measure,
@@ -128,7 +133,7 @@ def draw_legs(path: Path, arguments: argparse.Namespace) -> str:
 
 def make_parser() -> argparse.ArgumentParser:
     """Return what reads the command line."""
-    parser = argparse.ArgumentParser(prog='wasd bench', description=__doc__)
+    parser = OneLineParser(prog='wasd bench', description=__doc__)
     parser.add_argument('part', nargs='?', choices=list(PARTS), help='default: all')
     parser.add_argument(
         'file', nargs='*', metavar='FILE', help='of policy: the network [and its configuration]'
@@ -172,8 +177,21 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def main() -> int:
-    """Run the benchmark of one part or of all."""
-    parser = make_parser()
+    """Run the benchmark of one part or of all; return the exit status."""
+    try:
+        return run(make_parser())
+    except UserError as error:
+        print_error(error)
+        return 2
+
+
+def run(parser: argparse.ArgumentParser) -> int:
+    """
+    Run what the command line asks for; return the exit status.
+
+    Raises:
+        UserError: an option is wrong; the text says how, in one line.
+    """
     arguments = parser.parse_args()
     if arguments.picture is not None:
         return draw(parser, arguments)
@@ -181,6 +199,8 @@ def main() -> int:
         parser.error('--write is of our robots: leave out --description')
     if arguments.file and (arguments.part != 'policy' or len(arguments.file) > 2):
         parser.error('FILE [CONFIG] is of policy')
+    if arguments.file:
+        read_policy(*arguments.file)
     if arguments.file and arguments.write:
         parser.error('--write is of our policy: leave out FILE')
     if arguments.only and arguments.part not in ('legs', 'sight'):
@@ -191,6 +211,7 @@ def main() -> int:
             parser.error(f'--only {text!r}: no row of {arguments.part} has that in its name')
     if arguments.dask and importlib.util.find_spec('distributed') is None:
         parser.error(f'--dask needs: {install_line("cluster")}')
+    output = OutputFile(Path(arguments.json), '--json')
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
     try:
@@ -211,7 +232,7 @@ def main() -> int:
     }
     print(f'{page.command(result, arguments.part)}, {result["date"]}, {took / 60.0:.1f} minutes')
     print(result['machine'], format_table(rows), sep='\n\n')
-    Path(arguments.json).write_text(json.dumps(result, indent=1) + '\n')
+    output.write(f'{json.dumps(result, indent=1)}\n'.encode())
     if arguments.write:
         keep = page.with_rows if arguments.only else page.with_part
         kept = result if arguments.part is None else keep(result, arguments.part)

@@ -56,7 +56,7 @@ def read_onnx(path: Path, data: bytes) -> OnnxFile:
     except (ValueError, IndexError) as error:
         if isinstance(error, PolicyError):
             raise
-        raise PolicyError('is no ONNX file, or is cut short') from None
+        raise PolicyError('is no ONNX or TorchScript file, or is cut short') from None
     if not has_graph:
         raise PolicyError('is no ONNX file: it has no graph')
     for name in sorted(file.external):

@@ -16,6 +16,11 @@ Wasd = Callable[..., 'subprocess.CompletedProcess[str]']
 
 MISTAKES = [
     (['mbot', '--no-such-option'], '--no-such-option'),
+    (['replay', 'x.mcap', '--port', '99999'], "--port: got '99999', wanted 0 to 65535"),
+    (
+        ['pub', '/x', 'std_msgs/msg/Empty', '-r', '1e308'],
+        "got '1e308', wanted a number > 0 and <=",
+    ),
     (['describe', 'foo'], "invalid choice: 'foo' (choose from 'policy', 'expand'"),
     (['mbot', '--keepout', 'nowhere.yaml'], '--keepout nowhere.yaml: no such file'),
     (['fly'], "invalid choice: 'fly'"),

@@ -49,7 +49,7 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path, capsys):
     assert main(['describe', 'policy', str(path)]) == 2
     said = capsys.readouterr().err
     assert said.count('\n') == 1
-    assert 'is no ONNX file' in said
+    assert 'is no ONNX or TorchScript file' in said
 
 
 def test_the_first_observation_out_of_range_is_named(tmp_path):

@@ -162,7 +162,7 @@ def test_a_pickle_is_never_run(tmp_path):
         archive.writestr('policy/code/__torch__.py', FORWARD)
     assert 'no code was run' in refusal(path, config)
     path.write_bytes(pickle.dumps(Evil()))
-    assert 'no ONNX file' in refusal(path, config)
+    assert 'no ONNX or TorchScript file' in refusal(path, config)
     assert not mark.exists()
 
 

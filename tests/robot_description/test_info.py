@@ -143,9 +143,13 @@ def test_a_picture_shows_the_robot(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_renderer() is None, reason='neither EGL nor OSMesa here')
-def test_a_picture_that_cannot_be_written_is_one_line(tmp_path):
-    path = tmp_path / 'nowhere/mbot.png'
+@pytest.mark.parametrize(
+    ('name', 'wanted'),
+    [('nowhere/mbot.png', 'a file in a folder that exists'), ('mbot.xyz', 'FILE.png')],
+)
+def test_a_picture_that_cannot_be_written_is_one_line(name, wanted, tmp_path):
+    path = tmp_path / name
     words = ['-m', 'robot_description.describe_command', 'info', 'mbot', '--picture', str(path)]
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr == f'error: --picture {path}: wanted a file in a folder that exists\n'
+    assert done.stderr == f'error: --picture {path}: wanted {wanted}\n'

@@ -111,6 +111,8 @@ def test_what_was_written_fills_the_same_message_again() -> None:
             'header.stamp.sec: wanted int32',
         ),
         (ByteMultiArray(), {'data': [300]}, 'wanted octet'),
+        (PoseStamped(), {'header': {'stamp': {'sec': 2**31}}}, 'wanted int32, -2147483648 to 21'),
+        (PoseStamped(), {'header': {'stamp': {'nanosec': -1}}}, 'wanted uint32, 0 to 4294967295'),
     ],
 )
 def test_what_does_not_fit_is_refused(message: object, values: object, said: str) -> None:

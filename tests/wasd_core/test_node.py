@@ -263,6 +263,21 @@ def test_malformed_ros_arguments_are_one_line_and_status_2(isolated_ros, capfd, 
     assert rclpy.logging.get_logger_effective_level('rcl') < rclpy.logging.LoggingSeverity.FATAL
 
 
+def test_a_pipe_of_parameters_is_refused_instead_of_waited_for(isolated_ros, capfd, tmp_path):
+    pipe = tmp_path / 'pipe.yaml'
+    os.mkfifo(pipe)
+    assert run_node(Closing, ['--ros-args', '--params-file', str(pipe)]) == 2
+    assert capfd.readouterr().err == f'error: --params-file {pipe}: is a pipe, wanted a file\n'
+
+
+def test_what_a_shell_substitutes_for_a_file_of_parameters_is_read(isolated_ros):
+    reader, writer = os.pipe()
+    os.write(writer, b'/**:\n  ros__parameters:\n    speed: 1.0\n')
+    os.close(writer)
+    words = ['--ros-args', '--params-file', f'/dev/fd/{reader}']
+    assert run_node(Closing, words) == 128 + signal.SIGTERM
+
+
 @pytest.mark.parametrize(
     ('name', 'said'),
     [('sped', "unknown parameter 'sped', did you mean speed?: ignored"), ('cargo', '')],

@@ -85,11 +85,16 @@ GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
         (GOOD.replace('0.05', '-1'), 'resolution: wanted 0.01 to 1 m, got -1'),
         (GOOD.replace('0.05', '1.0e-9'), 'resolution: wanted 0.01 to 1 m, got 1e-09'),
         (GOOD.replace('0.05', '1.0e+9'), 'resolution: wanted 0.01 to 1 m, got 1e+09'),
-        (GOOD.replace('0.05', '1' + 400 * '0'), 'resolution: wanted a number, got 1000'),
-        (GOOD.replace('0.05', '2020-99-99'), 'no YAML: month must be in 1..12'),
-        (GOOD.replace('0.05', '!!int ""'), 'no YAML'),
-        (GOOD.replace('0.05', '!!timestamp x'), 'no YAML'),
-        (GOOD.replace('0.05', '&a [*a]'), 'resolution: wanted a number, got list'),
+        (GOOD.replace('0.05', '1' + 400 * '0'), 'map.yaml:2: int too large to convert'),
+        (GOOD.replace('0.05', '2020-99-99'), 'map.yaml:2: month must be in 1..12'),
+        (GOOD.replace('0.05', '!!int ""'), "map.yaml:2: '' is no int"),
+        (GOOD.replace('0.05', '!!timestamp x'), "map.yaml:2: 'x' is no timestamp"),
+        (GOOD.replace('0.05', '!mine 0.05'), 'map.yaml:2: could not determine'),
+        ('!mine\n' + GOOD, 'wanted image, resolution and origin'),
+        (GOOD.replace('0.05', '&a [*a]'), 'no YAML: more than 10000 values'),
+        (GOOD + 'resolution: 0.1\n', "map.yaml:4: 'resolution' is there twice"),
+        (GOOD + 'negate: "no"\n', "negate: wanted 0 or 1, got 'no'"),
+        (GOOD + 'negate: 5\n', 'negate: wanted 0 or 1, got 5'),
         (GOOD.replace('[0, 0, 0]', '[1.0e+30, 0, 0]'), 'origin: wanted at most 1e+06 m'),
         (GOOD.replace('m.pgm', 'long.pgm').replace('0.05', '1.0'), 'got 1001 m x 3 m'),
         (GOOD.replace('m.pgm', 'large.pgm'), 'got 8000 x 8000'),
@@ -121,6 +126,22 @@ def test_what_is_no_map_is_refused_in_one_line(text: str, said: str, tmp_path: P
         load_map(tmp_path / 'map.yaml')
     assert said in str(refused.value)
     assert '\n' not in str(refused.value)
+
+
+def test_a_resolution_with_an_exponent_is_a_number_as_to_map_server(tmp_path: Path) -> None:
+    Image.fromarray(np.zeros((3, 3), dtype=np.uint8)).save(tmp_path / 'm.pgm')
+    (tmp_path / 'map.yaml').write_text(GOOD.replace('0.05', '5e-2'))
+    assert load_map(tmp_path / 'map.yaml').resolution == 0.05
+
+
+def test_a_picture_given_for_its_yaml_names_that(tmp_path: Path) -> None:
+    Image.fromarray(np.full((3, 3), 254, dtype=np.uint8)).save(tmp_path / 'm.pgm')
+    with pytest.raises(UserError, match='m.pgm: no YAML') as refused:
+        load_map(tmp_path / 'm.pgm')
+    assert 'did you mean' not in str(refused.value)
+    (tmp_path / 'm.yaml').write_text(GOOD)
+    with pytest.raises(UserError, match='did you mean .*m.yaml'):
+        load_map(tmp_path / 'm.pgm')
 
 
 def test_a_map_that_cannot_be_written_or_is_empty_is_refused(grid: Grid, tmp_path: Path) -> None:

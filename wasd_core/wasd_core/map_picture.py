@@ -17,6 +17,8 @@ from PIL import Image, UnidentifiedImageError
 import yaml
 
 from wasd_core.errors import one_line, UserError
+from wasd_core.parameter_file import children, compose_yaml, value_of
+from wasd_core.parameters import InvalidParameter
 from wasd_core.safe_files import read_file
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
@@ -30,6 +32,7 @@ LARGEST_TEXT, LARGEST_PICTURE, MOST_PIXELS = 100_000, 100_000_000, 50_000_000  #
 FINEST, COARSEST, LONGEST_SIDE = 0.01, 1.0, 1000.0  # the last in metres
 FARTHEST, MOST, LONGEST_WORDS = 1e6, 1e300, 60  # [m], any, characters
 TEXTS = ('.yaml', '.yml')
+MAPPING = yaml.SafeLoader.DEFAULT_MAPPING_TAG
 
 
 class MapFileError(UserError):
@@ -101,16 +104,7 @@ def read_map(path: Path) -> MapPicture:
     Raises:
         UserError: a file cannot be read, or does not say what it must.
     """
-    text = read_file(path, LARGEST_TEXT)
-    try:
-        said = yaml.safe_load(text)
-    # The others are what it raises for a word that is not of the kind that its tag says.
-    except (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
-        why = f'no YAML: {one_line(error)}{yaml_beside(path)}'
-        raise MapFileError(f'{path}: {why}') from error
-    if not isinstance(said, dict):
-        wanted = f'wanted image, resolution and origin of a map{yaml_beside(path)}'
-        raise MapFileError(f'{path}: {wanted}')
+    said = _read_yaml(path)
     resolution = _number(path, said, 'resolution')
     if not FINEST <= resolution <= COARSEST:
         wanted = f'{FINEST:g} to {COARSEST:g} m'
@@ -127,12 +121,30 @@ def read_map(path: Path) -> MapPicture:
         wanted = 'wanted 0 <= free_thresh <= occupied_thresh <= 1'
         raise MapFileError(f'{path}: {wanted}, got {free:g} and {occupied:g}')
     origin = _origin(path, said)
+    negate = said.get('negate', 0)
+    if negate not in (0, 1):
+        raise MapFileError(f'{path}: negate: wanted 0 or 1, got {_shown(negate)}')
     try:
-        shares = _read_shares(path.parent / image, bool(said.get('negate', 0)))
+        shares = _read_shares(path.parent / image, bool(negate))
     except UserError as error:
         raise MapFileError(f'{path}: image: {one_line(error)}') from error
     cells = _cells(path, shares, resolution, (free, occupied), mode)
     return MapPicture(cells, resolution, origin)
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    """Return what a map's YAML file says."""
+    text = read_file(path, LARGEST_TEXT)
+    try:
+        root = compose_yaml(text.decode('utf-8-sig'))
+        if isinstance(root, yaml.MappingNode) and root.tag == MAPPING:
+            return {name: value_of(node) for name, node in children(root).items()}
+    except InvalidParameter as error:  # it begins with the line
+        raise MapFileError(f'{path}{error}') from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise MapFileError(f'{path}: no YAML: {one_line(error)}{yaml_beside(path)}') from error
+    wanted = 'wanted image, resolution and origin of a map'
+    raise MapFileError(f'{path}: {wanted}{yaml_beside(path)}')
 
 
 def _cells(

@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import math
 import os
+import stat
 import sys
 import time
 from typing import Any, TypeVar
@@ -46,6 +47,8 @@ NodeType = TypeVar('NodeType', bound=Any)
 
 # How long one wait for messages may last [s]: bounds the time a stop signal goes unnoticed.
 SPIN_PERIOD = 0.05
+# What a process has open.
+OPEN_FILES = ('/dev/fd/', '/proc/self/fd/')
 
 
 @contextlib.contextmanager
@@ -114,6 +117,8 @@ def init_ros(
     Raises:
         UserError: arguments after --ros-args that are none, in one line.
     """
+    args = list(sys.argv if args is None else args)
+    _refuse_pipes(args)
     domain_of(os.environ)  # ROS itself says it in words of its own
     middleware = rclpy.get_rmw_implementation_identifier()
     if is_local or not is_sourced(os.environ):
@@ -130,7 +135,7 @@ def init_ros(
     try:
         with explain_ros_errors():
             rclpy.init(
-                args=_without_log_file(sys.argv if args is None else args, is_local),
+                args=_without_log_file(args, is_local),
                 signal_handler_options=SignalHandlerOptions.NO,
             )
     finally:
@@ -143,6 +148,21 @@ def _look_at_shared_memory(domain: int) -> None:
         do_without_shared_memory(os.environ)
         words = f'wasd: uses UDP instead of shared memory: {reason}'
         print(words, file=sys.stderr, flush=True)
+
+
+def _refuse_pipes(args: Sequence[str]) -> None:
+    """
+    Refuse a named pipe of parameters: ROS waits for its writer, without end.
+
+    A shell's `<(...)` is none: its writer is there.
+
+    Raises:
+        UserError: which it is.
+    """
+    for word, path in zip(args, args[1:], strict=False):
+        is_other = word != '--params-file' or path.startswith(OPEN_FILES)
+        if not is_other and os.path.exists(path) and stat.S_ISFIFO(os.stat(path).st_mode):
+            raise UserError(f'--params-file {path}: is a pipe, wanted a file')
 
 
 def _without_log_file(args: Sequence[str], is_local: bool) -> list[str]:

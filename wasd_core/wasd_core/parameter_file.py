@@ -200,12 +200,18 @@ def flat(node: yaml.MappingNode, prefix: str = '') -> Iterator[tuple[str, Entry]
         if isinstance(child, yaml.MappingNode):
             yield from flat(child, f'{prefix}{key}.')
         else:
-            yield f'{prefix}{key}', Entry(_value(child), line_of(child))
+            yield f'{prefix}{key}', Entry(value_of(child), line_of(child))
 
 
-def _value(node: yaml.Node) -> Any:
+def value_of(node: yaml.Node) -> Any:
+    """
+    Return the value of a node; what is a number to ROS is one.
+
+    Raises:
+        InvalidParameter: it stands for none.
+    """
     if isinstance(node, yaml.SequenceNode):
-        return [_value(item) for item in node.value]
+        return [value_of(item) for item in node.value]
     try:
         value = construct(node)
     except yaml.YAMLError as error:

@@ -31,6 +31,8 @@ def draw(robot: Robot, path: Path) -> None:
     Raises:
         DescriptionError: nothing renders here, the robot does not load, or `path` is no place.
     """
+    if path.suffix.lower() != '.png':
+        raise DescriptionError(f'--picture {path}: wanted FILE.png')
     if find_renderer() is None:
         raise DescriptionError(f'--picture needs {NO_RENDERER}')
     spec = to_mujoco(robot, visuals=True)

@@ -36,6 +36,7 @@ MOST_SEED = 2**63 - 1
 LONGEST_RUN = 1e9
 # A script of keys that are held for a day has 70 MB [bytes].
 LARGEST_SCRIPT = 100_000_000
+MOST_PORT = 65535
 # Where Foxglove looks first.
 FOXGLOVE_PORT = 8765
 # An option's value where none followed it: '' is what somebody typed.
@@ -322,7 +323,7 @@ OPTIONS = (
     Option(
         word='--port',
         help='port of the page (default: 8080 or next)',
-        read=partial(read_whole, 65535),
+        read=partial(read_whole, MOST_PORT),
         how={'type': int, 'metavar': 'N'},
     ),
     Option(
@@ -366,7 +367,7 @@ OPTIONS = (
     Option(
         word='--foxglove',
         help=f'serve every topic to Foxglove, which may drive (default port: {FOXGLOVE_PORT})',
-        read=partial(read_whole, 65535),
+        read=partial(read_whole, MOST_PORT),
         how={'nargs': '?', 'type': int, 'const': FOXGLOVE_PORT, 'metavar': 'PORT'},
     ),
     Option(

@@ -7,10 +7,12 @@ import os
 from typing import Any
 
 from robot_description import describe_command
-from wasd_bringup.cli.options import VIEWERS
+from wasd_bringup.cli.options import MOST_PORT, VIEWERS
 from wasd_bringup.robots import BOTH, MBOT, preset_help, ROBOTS, robots_of
 from wasd_bringup.run.inputs import KEY_LINE, SWITCH_LINE
 
+# Nobody publishes more often by hand [Hz].
+FASTEST = 10_000.0
 Examples = tuple[tuple[str, str], ...]
 
 # One wheel holds all packages; in a ROS workspace each is by itself.
@@ -69,6 +71,12 @@ def version() -> str:
     return 'of unknown version'
 
 
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > MOST_PORT:
+        raise argparse.ArgumentTypeError(f'got {text!r}, wanted 0 to {MOST_PORT}')
+    return int(text)
+
+
 def add_replay_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a replay."""
     parser.add_argument('file', metavar='FILE.mcap', help='a file written by --record')
@@ -78,7 +86,7 @@ def add_replay_options(parser: argparse.ArgumentParser) -> None:
         help='simulate again with the recorded commands and compare the paths',
     )
     parser.add_argument('--viewer', choices=VIEWERS, help='default: web on a terminal, else none')
-    parser.add_argument('--port', type=int, default=0, metavar='N', help='port of the page')
+    parser.add_argument('--port', type=_port, default=0, metavar='N', help='port of the page')
     parser.add_argument(
         '--speed',
         metavar='X',
@@ -143,8 +151,8 @@ def _rate(text: str) -> float:
         value = float(text)
     except ValueError:
         value = 0.0
-    if not 0.0 < value < float('inf'):
-        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a number > 0')
+    if not 0.0 < value <= FASTEST:
+        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a number > 0 and <= {FASTEST:g}')
     return value
 
 

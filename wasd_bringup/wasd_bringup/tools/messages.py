@@ -175,6 +175,12 @@ def _primitive(value: Any, kind: str, where: str) -> Any:
         return float(value)
     is_whole = is_number and math.isfinite(value) and value == int(value)
     if kind.startswith(('int', 'uint')) and is_whole:
+        bits = 8 * _SIZES[kind]
+        low = 0 if kind.startswith('u') else -(1 << bits - 1)
+        if not low <= value < low + (1 << bits):
+            raise UserError(
+                f'{where}: wanted {kind}, {low} to {low + (1 << bits) - 1}, got {value!r}'
+            )
         return int(value)
     if kind == 'octet' and is_whole and 0 <= value <= 255:
         return bytes([int(value)])
