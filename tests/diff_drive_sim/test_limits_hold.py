@@ -4,6 +4,7 @@
 import math
 import random
 
+from cases import for_all
 from diff_drive_sim.drive import DiffDriveController
 from diff_drive_sim.limits import AxisLimits, PlanarRamp
 from diff_drive_sim.odometry import DiffDriveGeometry
@@ -136,8 +137,8 @@ def test_no_limit_is_broken_in_four_hundred_thousand_steps(seed):
     assert saturated > 5000
 
 
-@pytest.mark.parametrize('jerk', [math.inf, 20.0])
-@pytest.mark.parametrize('seed', range(10))
+@for_all('jerk', [math.inf, 20.0])
+@for_all('seed', range(10))
 def test_whatever_went_before_it_arrives_at_what_the_wheels_can_do(seed, jerk):
     choose = random.Random(seed)
     geometry = DiffDriveGeometry('l', 'r', 0.06, 0.38, speed_limit=10.0)

@@ -9,6 +9,7 @@ from pathlib import Path
 import random
 import re
 
+from cases import for_all
 import numpy as np
 from PIL import Image
 import pytest
@@ -417,7 +418,7 @@ def quiet():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('topic', ALL_INTO, ids=lambda topic: topic.name)
+@for_all('topic', ALL_INTO)
 def test_a_thousand_fuzzed_messages_move_nothing(topic, quiet):
     rng = random.Random(topic.name)
     rig = Rig()

@@ -6,6 +6,7 @@ import math
 import os
 from pathlib import Path
 
+from cases import for_all
 from mujoco_sim.parameters import Payload, Untold
 import pytest
 from wasd_bringup.cli import make_parser
@@ -51,7 +52,7 @@ def test_a_wheeled_robot_has_no_estimator_to_choose():
         parser.parse_args(['--estimator', 'truth'])
 
 
-@pytest.mark.parametrize(
+@for_all(
     'option', [option for option in OPTIONS if set(option.how) <= {'metavar', 'nargs', 'const'}]
 )
 def test_an_empty_value_as_of_an_unset_variable_is_refused(option):

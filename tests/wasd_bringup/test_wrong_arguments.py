@@ -6,6 +6,7 @@ import itertools
 import re
 from typing import Any
 
+from cases import for_all
 import numpy as np
 import pytest
 import wasd
@@ -86,7 +87,7 @@ def refused(call: Callable[[], Any]) -> str:
     return said
 
 
-@pytest.mark.parametrize(
+@for_all(
     ('kind', 'given'),
     [*itertools.product(('Go2', 'Mbot', 'G1'), OF_ANY_ROBOT), *OF_ONE],
 )
@@ -96,7 +97,7 @@ def test_a_robot_refuses_a_wrong_option_by_its_name(kind: str, given: dict[str, 
     assert name in said
 
 
-@pytest.mark.parametrize('given', UNTOLD)
+@for_all('given', UNTOLD)
 def test_what_is_untold_is_checked_by_its_name(given: dict[str, Any]):
     (name,) = given
     assert refused(lambda: wasd.Untold(**given)).startswith(name)

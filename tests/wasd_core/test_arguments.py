@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.arguments import check, checked
@@ -98,12 +99,12 @@ REFUSED: list[tuple[Any, Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(('wanted', 'value'), TAKEN)
+@for_all(('wanted', 'value'), TAKEN)
 def test_what_fits_is_taken(wanted: Any, value: Any):
     check('it', value, wanted)
 
 
-@pytest.mark.parametrize(('wanted', 'value', 'said'), REFUSED)
+@for_all(('wanted', 'value', 'said'), REFUSED)
 def test_what_does_not_fit_is_refused_in_one_line(wanted: Any, value: Any, said: str):
     with pytest.raises(UserError) as caught:
         check('it', value, wanted)
