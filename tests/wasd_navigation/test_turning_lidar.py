@@ -142,6 +142,14 @@ def test_a_lost_ray_frees_nothing_and_an_open_door_does() -> None:
     assert (~scan.hits).sum() == 10
 
 
+@pytest.mark.parametrize('lost', [[0], [359], [358, 359], [0, 1, 359]])
+def test_a_ray_that_is_lost_at_the_ends_of_a_scan_frees_nothing(lost: list[int]) -> None:
+    ranges = np.full(360, 3.0)
+    ranges[lost] = math.inf
+    scan = read_scan(ranges, RAYS, LIMITS, np.zeros(3))
+    assert len(scan.ends) == 360 - len(lost) and scan.hits.all()
+
+
 def test_the_map_of_a_lidar_that_turns_is_as_true_as_of_one_that_does_not() -> None:
     """Two circles in the room, 1.2 rad/s; without the correction walls are 20 cm off."""
     errors = []

@@ -27,7 +27,7 @@ HORIZON, FREE_SIGHT = 100.0, 30.0
 MOST_RAYS = 100_000
 # From its first ray to its last a scan takes no longer [s].
 LONGEST_SWEEP = 1.0
-# So many rays beside each other may have got no echo, between others that have.
+# So many rays beside each other may have got no echo, beside others that have.
 MOST_LOST = 2
 
 
@@ -263,14 +263,14 @@ def _is_lost(ranges: np.ndarray, least: float, most: float) -> np.ndarray:
     Return which rays only seem to hit nothing, shape (n,).
 
     A lidar that has got no echo says what it says where nothing is. Nothing is so narrow that one
-    or two rays go past between two that do not.
+    or two rays go past beside others that do not; what is beyond the scan's ends nobody knows.
     """
-    nothing = np.concatenate(([False], np.isposinf(ranges), [False]))
-    steps = np.diff(nothing.astype(np.int8))
+    nothing, has_echo = np.isposinf(ranges), (least <= ranges) & (ranges <= most)
+    beside = np.concatenate(([True], has_echo, [True]))
+    steps = np.diff(np.concatenate(([False], nothing, [False])).astype(np.int8))
     begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
     lost = np.zeros(len(ranges), dtype=np.bool_)
     for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
-        inside = begin > 0 and end < len(ranges)
-        if inside and end - begin <= MOST_LOST:
-            lost[begin:end] = least <= ranges[begin - 1] <= most and least <= ranges[end] <= most
+        if end - begin <= MOST_LOST:
+            lost[begin:end] = beside[begin] and beside[end + 1]
     return lost
