@@ -3,10 +3,12 @@
 
 from collections.abc import Callable
 import itertools
+from pathlib import Path
 import re
 from typing import Any
 
 from cases import for_all
+from descriptions import robot_named
 import numpy as np
 import pytest
 import wasd
@@ -118,6 +120,14 @@ def test_numbers_of_numpy_are_numbers():
     car.push(np.array([1.0, 0.0, 0.0]), np.float64(0.1))
     car.run(np.float32(0.5))
     assert car.truth.position[0] > 0.02
+
+
+def test_a_file_may_be_a_path_and_an_argument_of_xacro_empty(tmp_path: Path):
+    path = tmp_path / 'cart.urdf.xacro'
+    path.write_text(robot_named('mbot').urdf)
+    car = wasd.Mbot(description=path, world=Path('flat'), xacro_arguments={'prefix': ''})
+    car.run(0.1)
+    assert car.time == pytest.approx(0.1)
 
 
 def test_the_environment_refuses_wrong_values():

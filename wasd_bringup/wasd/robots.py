@@ -200,10 +200,10 @@ class Go2(Robot):
     @checked
     def __init__(
         self,
-        world: str = 'flat',
+        world: str | os.PathLike[str] = 'flat',
         seed: int = 0,
         *,
-        description: str = 'go2',
+        description: str | os.PathLike[str] = 'go2',
         package_path: Sequence[str | os.PathLike[str]] = (),
         xacro_arguments: Mapping[str, str] = MappingProxyType({}),
         estimator: str = 'kalman',
@@ -222,9 +222,9 @@ class Go2(Robot):
             RunOptions(
                 robot=GO2.name,
                 preset=GO2.preset,
-                world=world,
+                world=os.fspath(world),
                 seed=seed,
-                description=description,
+                description=os.fspath(description),
                 package_path=read_folders(package_path, 'package_path'),
                 xacro_arguments=xacro_arguments,
                 estimator=estimator,
@@ -309,10 +309,10 @@ class G1(Robot):
     @checked
     def __init__(
         self,
-        world: str = 'flat',
+        world: str | os.PathLike[str] = 'flat',
         seed: int = 0,
         *,
-        description: str = 'g1',
+        description: str | os.PathLike[str] = 'g1',
         package_path: Sequence[str | os.PathLike[str]] = (),
         policy: str | os.PathLike[str] | None = None,
         policy_config: str | os.PathLike[str] | None = None,
@@ -322,9 +322,9 @@ class G1(Robot):
             RunOptions(
                 robot=G1_ROW.name,
                 preset=G1_ROW.preset,
-                world=world,
+                world=os.fspath(world),
                 seed=seed,
-                description=description,
+                description=os.fspath(description),
                 package_path=read_folders(package_path, 'package_path'),
                 policy=None if policy is None else os.fspath(policy),
                 policy_config=None if policy_config is None else os.fspath(policy_config),
@@ -389,10 +389,10 @@ class Mbot(Robot):
     @checked
     def __init__(
         self,
-        world: str = 'flat',
+        world: str | os.PathLike[str] = 'flat',
         seed: int = 0,
         *,
-        description: str = 'mbot',
+        description: str | os.PathLike[str] = 'mbot',
         package_path: Sequence[str | os.PathLike[str]] = (),
         xacro_arguments: Mapping[str, str] = MappingProxyType({}),
         preset: str = 'mbot',
@@ -401,9 +401,9 @@ class Mbot(Robot):
         options = RunOptions(
             robot=MBOT.name,
             preset=preset,
-            world=world,
+            world=os.fspath(world),
             seed=seed,
-            description=description,
+            description=os.fspath(description),
             package_path=read_folders(package_path, 'package_path'),
             xacro_arguments=xacro_arguments,
             controller=None if controller is None else Path(controller),

@@ -68,7 +68,7 @@ def _fits(value: Any, wanted: Any) -> bool:
         return isinstance(value, str) and value != ''
     if kind is Mapping:
         return isinstance(value, Mapping) and all(
-            _fits(each, part)
+            each == '' or _fits(each, part)
             for item in value.items()
             for each, part in zip(item, parts, strict=True)
         )
