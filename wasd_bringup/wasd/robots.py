@@ -52,11 +52,13 @@ class Robot:
         robot.prepare()
         self._velocity: Velocity | None = None
         self._world, self._simulation = robot.world, robot.simulation
-        self._simulation.schedule.every(robot.period, self._repeat)
+        # What holds a velocity is the step of the controller alone.
+        self._simulation.schedule.every(robot.period, self._repeat, robot.rest)
         self._simulation.on_reset.append(self._forget)
         schedule = self._simulation.schedule
         robot.schedule_control(schedule)
-        schedule.every(schedule.stride * self._world.time_step, robot.sensors.step)
+        stride = schedule.stride * self._world.time_step
+        schedule.every(stride, robot.sensors.step, robot.sensors.rest)
         self._distance = robot.camera.distance
         self._window: Any = None
         self._lock = threading.RLock()

@@ -255,7 +255,7 @@ class Go2(Robot):
         self.elevation.step()
 
     def _timed_control(self) -> None:
-        if self._rest() < ROUNDING:
+        if self.rest() < ROUNDING:
             super()._timed_control()
 
     def _before_now(self) -> int:
@@ -264,7 +264,8 @@ class Go2(Robot):
     def _waited(self) -> float:
         return (self.world.tick - self._stepped) * self.world.time_step
 
-    def _rest(self) -> float:
+    def rest(self) -> float:
+        """Return for how long from now [s] the controller has nothing to do: motors hold."""
         if self.outside is not None:
             return 0.0
         return self.legs.controller.due_after - self._waited()

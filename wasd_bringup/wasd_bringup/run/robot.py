@@ -332,7 +332,7 @@ class Robot(ABC):
         if self.logic is not None:
             logic, period = self.logic, 1.0 / self.logic.rate
             schedule.every(period, lambda: self._step_keys(logic, period))
-        schedule.every(self.period, self._timed_control, self._rest)
+        schedule.every(self.period, self._timed_control, self.rest)
 
     def schedule_sensing(self, schedule: Schedule) -> None:
         """Measure and sample on a schedule, after all controllers."""
@@ -420,7 +420,7 @@ class Robot(ABC):
     def _read(self) -> None:
         self.world.read()
 
-    def _rest(self) -> float:
+    def rest(self) -> float:
         """Return for how long from now [s] the controller has nothing to do."""
         return 0.0
 
