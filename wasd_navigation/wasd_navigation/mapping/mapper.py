@@ -44,8 +44,6 @@ SAME_PRIOR = np.diag((1.0 / 0.03**2, 1.0 / 0.03**2, 1.0 / 0.015**2))
 # So many places are kept of each square metre that is known, or in all; of more, two that are near
 # each other and within this of the robot become one [1/m^2], [m].
 MOST_PLACES, MOST_OF_FEW, MERGE_REACH = 2.5, 350, 3.0
-# So many at most at once.
-MERGES = 2
 # A turn between two is as far as so much way [m/rad].
 SAME_ARM = 0.1
 # What is seen of a place is drawn again after so many scans.
@@ -387,25 +385,23 @@ class Mapper:
         self._show()
         self._drawing.add_last(places, self._noise.noise)
         self._wants_loop = number % self._parameters.loop_every == 0
-        self._merge()
 
     def _merge(self) -> None:
-        """Merge those places near by that are nearest to each other, while there are too many."""
+        """Merge those two places near by that are nearest to each other, if there are too many."""
         places, held = self._places, self._places.held
-        most = max(MOST_OF_FEW, MOST_PLACES * self._drawing.area)
-        for _ in range(min(MERGES, len(held) - int(most))):
-            held = places.held
-            away = np.hypot(*(places.poses[held, :2] - self.pose[:2]).T)
-            near = held[(away < MERGE_REACH) & ~np.isin(held, self._recent)]
-            if len(near) < 2:
-                return
-            apart = places.poses[near, None] - places.poses[None, near]
-            turns = (apart[:, :, 2] + math.pi) % (2.0 * math.pi) - math.pi
-            apart[:, :, 2] = SAME_ARM * turns
-            squares = (apart * apart).sum(axis=2)
-            squares[np.tril_indices(len(near))] = np.inf
-            older, newer = np.unravel_index(int(squares.argmin()), squares.shape)
-            places.merge(int(near[newer]), int(near[older]))
+        if len(held) <= max(MOST_OF_FEW, MOST_PLACES * self._drawing.area):
+            return
+        away = np.hypot(*(places.poses[held, :2] - self.pose[:2]).T)
+        near = held[(away < MERGE_REACH) & ~np.isin(held, self._recent)]
+        if len(near) < 2:
+            return
+        apart = places.poses[near, None] - places.poses[None, near]
+        turns = (apart[:, :, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        apart[:, :, 2] = SAME_ARM * turns
+        squares = (apart * apart).sum(axis=2)
+        squares[np.tril_indices(len(near))] = np.inf
+        older, newer = np.unravel_index(int(squares.argmin()), squares.shape)
+        places.merge(int(near[newer]), int(near[older]))
 
     def _show(self) -> None:
         """Draw places into the local map: the last, or those around where it was found again."""
@@ -452,6 +448,7 @@ class Mapper:
     def _work(self) -> None:
         """Go on with what takes longer than a step may."""
         places = self._places
+        self._merge()
         if self._solver.is_idle:
             self._solving = places.held
         if not self._solver.work(places.poses[self._solving], places.edges):
