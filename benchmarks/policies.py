@@ -13,6 +13,7 @@ from typing import Any
 
 from experiment import FIRST_SEED, Trial
 import numpy as np
+from policy_speed import measure_speed
 from table import format_count, Row
 import wasd
 
@@ -102,7 +103,7 @@ def push(seeds: range, note: Callable[[str], None]) -> Row:
 
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
-    """Walk, turn, and be pushed."""
+    """Walk, turn, be pushed, and say what that costs."""
     seeds = range(FIRST_SEED * 2, FIRST_SEED * 2 + (3 if quick else 20))
     rows = [walk(name, velocity, seeds, note) for name, velocity in WALKS]
-    return [*rows, push(seeds, note)]
+    return [*rows, push(seeds, note), *measure_speed(quick, note)]

@@ -64,6 +64,23 @@ def test_an_empty_value_as_of_an_unset_variable_is_refused(option):
     assert str(caught.value) == f"{option.word}: got '', wanted {option.how['metavar']}"
 
 
+@for_all(
+    'words',
+    [
+        ('replay', ''),
+        ('describe', 'policy', ''),
+        ('describe', 'policy', 'ours', '--policy-config', ''),
+        ('calibrate', '--description', ''),
+        ('calibrate', '--package-path', ''),
+        ('calibrate', '--controller', ''),
+        ('calibrate', '--output', ''),
+    ],
+)
+def test_an_empty_path_is_not_taken_for_this_folder(words):
+    with pytest.raises(UserError, match="got '', wanted a file or a folder"):
+        make_parser(words[0]).parse_args(words)
+
+
 def test_an_option_that_stands_alone_is_no_empty_value(read):
     assert read('--map', '--gamepad').map == ''
     assert read('--map', '--gamepad').gamepad == ''

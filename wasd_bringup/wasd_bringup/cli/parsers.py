@@ -77,9 +77,15 @@ def _port(text: str) -> int:
     return int(text)
 
 
+def _path(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError("got '', wanted a file or a folder")
+    return text
+
+
 def add_replay_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a replay."""
-    parser.add_argument('file', metavar='FILE.mcap', help='a file written by --record')
+    parser.add_argument('file', type=_path, metavar='FILE.mcap', help='a file written by --record')
     parser.add_argument(
         '--drive',
         action='store_true',
@@ -98,19 +104,24 @@ def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd calibrate`."""
     parser.add_argument(
         '--description',
+        type=_path,
         default=MBOT.description,
         metavar='PATH',
         help='your own xacro or URDF',
     )
     parser.add_argument(
         '--package-path',
+        type=_path,
         action='append',
         default=[],
         metavar='DIR',
         help='folder that package:// and $(find) search first (repeatable)',
     )
     parser.add_argument(
-        '--controller', metavar='FILE', help="YAML with the drive's parameters to calibrate"
+        '--controller',
+        type=_path,
+        metavar='FILE',
+        help="YAML with the drive's parameters to calibrate",
     )
     parser.add_argument(
         '--wheel-separation', type=float, metavar='M', help="the controller's value"
@@ -124,7 +135,9 @@ def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
         '--runs', type=int, default=3, metavar='N', help='squares each way (default 3)'
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed of their speeds')
-    parser.add_argument('--output', metavar='FILE', help='YAML to write, for --controller')
+    parser.add_argument(
+        '--output', type=_path, metavar='FILE', help='YAML to write, for --controller'
+    )
 
 
 def add_describe_options(parser: argparse.ArgumentParser) -> None:
@@ -133,9 +146,14 @@ def add_describe_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'kind', choices=kinds, help='of a network: policy; those below: see describe info --help'
     )
-    parser.add_argument('path', metavar='FILE', help='an ONNX or TorchScript file, or ours')
     parser.add_argument(
-        '--policy-config', metavar='FILE', help='settings of its training, if FILE has none'
+        'path', type=_path, metavar='FILE', help='an ONNX or TorchScript file, or ours'
+    )
+    parser.add_argument(
+        '--policy-config',
+        type=_path,
+        metavar='FILE',
+        help='settings of its training, if FILE has none',
     )
     parser.add_argument('--no-trial', action='store_true', help='only read it, do not walk')
 
