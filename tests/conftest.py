@@ -16,11 +16,9 @@ from typing import Any
 import expansions
 from long_files import place_in_line
 import pytest
+from terminals import PATIENCE
 
 pytest_plugins = ['hanging']
-
-# How long a message may take to arrive on a busy machine [s].
-PATIENCE = 40.0
 
 # Hundreds of processes start here, and each would compile the project anew.
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)

@@ -16,6 +16,7 @@ import pytest
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
+from terminals import PATIENCE
 
 FLAGS = (
     '--headless=new',
@@ -109,7 +110,7 @@ def open_page(browser: Any, url: str) -> None:
     """Open a page, wait until it shows a panel, and give it the keys."""
     browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': COUNT})
     browser.get(url)
-    deadline, said = time.monotonic() + 90.0, ''
+    deadline, said = time.monotonic() + PATIENCE, ''
     while 'First remote draw frame applied' not in said:
         assert time.monotonic() < deadline, 'the page shows no panel'
         time.sleep(0.3)

@@ -19,6 +19,7 @@ import traceback
 from typing import Any
 
 from page_puppet import code, PagePuppet, SCENE
+from terminals import PATIENCE
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.bridge import open_view
@@ -26,8 +27,6 @@ from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.run import Run
 from wasd_core.node import init_ros
 
-# How long anything may take on a busy machine [s].
-PATIENCE = 40.0
 DESK = (1280, 720)
 SCENARIOS = Path(__file__).with_name('wasd_cockpit')
 

@@ -7,6 +7,8 @@ import os
 import signal
 import time
 
+# How long what must come may take on a busy machine [s]: no test asks how soon by this.
+PATIENCE = 120.0
 # The last command is zero so soon after the last key, and a process has ended so soon after a
 # signal, whatever its terminal does [s].
 ZERO_AFTER = 0.6
@@ -17,7 +19,7 @@ AT_MOST = 3.0
 TRIES = 4
 
 
-def wait_until(condition: Callable[[], bool], timeout: float = 40.0) -> float:
+def wait_until(condition: Callable[[], bool], timeout: float = PATIENCE) -> float:
     """Wait until a condition holds, return when; fail after `timeout` [s]."""
     deadline = time.monotonic() + timeout
     while not condition():

@@ -96,14 +96,14 @@ def test_an_executable_answers_its_parameters_and_stops_cleanly(
             return any(future.done() for future in asked)
 
         begin = time.monotonic()
-        spin_until(spawn.pump, is_answered, timeout=PATIENCE)
+        spin_until(spawn.pump, is_answered)
         return next(future.result() for future in asked if future.done())
 
     def is_there():
         assert program.process.poll() is None, program.said
         return lister.service_is_ready() and getter.service_is_ready()
 
-    spin_until(spawn.pump, is_there, timeout=PATIENCE)
+    spin_until(spawn.pump, is_there)
     names = answer(lister, ListParameters.Request()).result.names
     values = answer(getter, GetParameters.Request(names=names)).values
     assert 'use_sim_time' in names

@@ -13,6 +13,7 @@ from mujoco_sim.simulator_node import SimulatorNode
 import programs
 import pytest
 from rclpy.node import Node
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +28,7 @@ def controller(isolated_ros) -> Iterator[subprocess.Popen]:
     yield process
     process.send_signal(signal.SIGCONT)
     process.terminate()
-    process.wait(40.0)
+    process.wait(PATIENCE)
 
 
 class Drive:

@@ -20,7 +20,7 @@ import programs
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from terminals import fill
+from terminals import fill, PATIENCE
 
 REPEAT_PERIOD = 1.0 / 30.0
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
@@ -154,7 +154,7 @@ class Page:
     def end(self) -> None:
         """End the run."""
         self.process.terminate()
-        self.process.wait(40.0)
+        self.process.wait(PATIENCE)
 
 
 @pytest.fixture
@@ -243,7 +243,7 @@ class TerminalSession:
                 return
             timeout = 0.0
 
-    def wait_for(self, text: str, timeout: float = 40.0) -> None:
+    def wait_for(self, text: str, timeout: float = PATIENCE) -> None:
         """Wait until a text is shown."""
         deadline = time.monotonic() + timeout
         while text not in self.shown:
@@ -269,7 +269,7 @@ class TerminalSession:
         """Leave no room on the screen for another byte; `read` would make room again."""
         fill(self.slave)
 
-    def end(self, timeout: float = 40.0) -> int:
+    def end(self, timeout: float = PATIENCE) -> int:
         """Wait for the end, reading on so that it can write; return the exit status."""
         deadline = time.monotonic() + timeout
         while self.process.poll() is None:
@@ -314,7 +314,7 @@ def commands(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> It
     seen: list[Twist] = []
 
     def wait_for_publisher() -> None:
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + PATIENCE
         while node.count_publishers('cmd_vel') == 0:
             assert time.monotonic() < deadline, 'no publisher of cmd_vel'
             executor.spin_once(timeout_sec=0.1)
@@ -341,7 +341,7 @@ def hold_until_it_drives() -> Callable[[TerminalSession, Any], None]:
     """Return a function that holds i until the command to drive has been seen from outside."""
 
     def hold(session: TerminalSession, commands: Any) -> None:
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + PATIENCE
         seen: list[Twist] = []
         while not (seen and seen[-1].linear.x > 0.0):
             assert time.monotonic() < deadline, session.shown

@@ -10,6 +10,7 @@ import sys
 
 from cases import for_all
 import pytest
+from terminals import PATIENCE
 from wasd_bringup.cli import main
 from wasd_bringup.cli.options import OPTIONS
 
@@ -118,7 +119,7 @@ def test_a_folder_that_one_may_not_enter(tmp_path):
         os.chown(forbidden, OTHER_USER, OTHER_USER)
         powers = '-dac_override,-dac_read_search'
         words = ['setpriv', f'--bounding-set={powers}', f'--inh-caps={powers}', *words]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
     answers = [json.loads(line) for line in done.stdout.splitlines()]
     for (option, name), (status, said) in zip(asked, answers, strict=True):
         assert (status, len(said.splitlines())) == (2, 1), said
@@ -131,7 +132,7 @@ def test_a_name_that_is_no_utf_8_is_not_for_ros(option, tmp_path):
     path = tmp_path / '\udcff.urdf'
     path.write_text(CART)
     words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, option, str(path)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert 'UTF-8' in done.stderr
@@ -141,7 +142,7 @@ def test_a_goal_that_is_not_reached_is_told_at_the_end_where_no_terminal_shows_i
     """It is no mistake of the command line: only the robot's map tells."""
     goal = ('--map', '--world', 'flat:3', '--goal', '99 99', '--duration', '5')
     words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, *goal, '--no-ros']
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     told = done.stdout.splitlines()[-1]
     assert told.startswith('goal 99 99 refused: (99.00, 99.00) is outside the map'), done.stdout

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore, Stores
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -120,7 +121,7 @@ def test_one_clock_and_one_tree_of_frames(bag: dict[str, Any]) -> None:
 
 
 def test_driven_again_from_the_recording_both_go_the_same_way(runner: Any, both: Any) -> None:
-    done = runner('replay', 'both.mcap', '--drive', timeout=120)
+    done = runner('replay', 'both.mcap', '--drive', timeout=PATIENCE)
     poses = 2 * len(both['robots']['go2']['samples']['t'])
     assert done.stdout == f'{poses} of {poses} recorded poses are identical\n', done.stderr
     assert done.returncode == 0

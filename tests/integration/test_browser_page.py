@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from terminals import PATIENCE
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
 from page_in_browser import open_page, set_page_size, skip_unless_alive  # noqa: E402
@@ -26,7 +27,7 @@ def share_of_orange(image: np.ndarray) -> float:
     return float(((red > 150) & (green > 0.2 * red) & (green < 0.6 * red) & (blue < 80)).mean())
 
 
-def wait_for_robot(picture: Picture, timeout: float = 40.0) -> np.ndarray:
+def wait_for_robot(picture: Picture, timeout: float = PATIENCE) -> np.ndarray:
     """Return the first picture in which mbot is seen."""
     deadline = time.monotonic() + timeout
     while True:
@@ -66,7 +67,7 @@ def test_mbot_is_seen_moving_without_an_error_on_the_console(
 
 def test_the_page_is_for_this_machine_only(run_with_page: Callable[..., Any]) -> None:
     run = run_with_page('mbot', '--duration', '20')
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + PATIENCE
     while not listeners(run.port) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert listeners(run.port) == {'0100007F'}

@@ -7,6 +7,7 @@ import sys
 
 from executables import SCRIPTS
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -33,7 +34,7 @@ def run(script: str, moment: str, *arguments: str) -> 'subprocess.CompletedProce
         capture_output=True,
         text=True,
         stdin=subprocess.DEVNULL,
-        timeout=60,
+        timeout=PATIENCE,
     )
 
 

@@ -13,6 +13,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rclpy.node import Node
+from terminals import PATIENCE
 
 EXAMPLES = Path(__file__).resolve().parents[2] / 'docs/examples'
 
@@ -56,9 +57,9 @@ def test_the_example_controller_stands_the_dog_up_over_joint_commands(
     spin_until(
         spawn.pump,
         lambda: len(truth) > 100 and bool(np.all(abs(heights()[-100:] - 0.31) < 0.03)),
-        timeout=40.0,
+        timeout=PATIENCE,
     )
     assert np.ptp(heights()[-50:]) < 0.005
     example.send_signal(signal.SIGINT)
-    _, errors = example.communicate(timeout=20.0)
+    _, errors = example.communicate(timeout=PATIENCE)
     assert 'Traceback' not in errors

@@ -13,6 +13,7 @@ from typing import Any
 from cases import for_all
 from executables import SCRIPTS
 import pytest
+from terminals import PATIENCE
 from wasd_core.command_line import Executable, split_ros_words
 from wasd_core.parameters import known_parameters
 
@@ -69,7 +70,7 @@ def answer(main: str, words: tuple[str, ...]) -> tuple[list[list[Any]], float]:
         capture_output=True,
         text=True,
         stdin=subprocess.DEVNULL,
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
         env={**os.environ, 'COLUMNS': '80'},
     )

@@ -16,13 +16,12 @@ from typing import Any, NamedTuple
 from page_puppet import CutOff, PagePuppet
 import programs
 import pytest
+from terminals import PATIENCE
 from wasd_cockpit.widgets import Rect
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 TESTS = Path(__file__).resolve().parents[1]
 PAGE = TESTS.parent / 'docs/first_ten_minutes.md'
-# How long anything may take on a busy machine [s].
-PATIENCE = 60.0
 DESK = (1280, 720)
 FIRST_PORT = 8800
 # Lines and columns of the terminal: with room for the dashboard.
@@ -181,7 +180,7 @@ def second(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...
     for process in started:
         process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(40.0)
+            process.wait(PATIENCE)
         process.kill()
         process.wait()
 

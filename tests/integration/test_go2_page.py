@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import rclpy
 from std_msgs.msg import String
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +45,7 @@ def changed(one: np.ndarray, other: np.ndarray) -> float:
 
 def wait_for(picture: Picture, condition: Callable[[np.ndarray], bool], what: str) -> np.ndarray:
     """Return the first picture that meets a condition; software rendering takes its time."""
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     while True:
         image = picture()
         if condition(image):
@@ -62,7 +63,7 @@ def press(environment: dict[str, str]) -> Iterator[Callable[[str], None]]:
     publisher = node.create_publisher(String, 'keys', 100)
 
     def publish(keys: str) -> None:
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + PATIENCE
         while not publisher.get_subscription_count():
             assert time.monotonic() < deadline, 'nobody listens to keys'
             time.sleep(0.05)

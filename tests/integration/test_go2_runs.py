@@ -172,7 +172,6 @@ def test_the_same_script_gives_the_same_samples_at_any_speed(wasd: Any) -> None:
     fast = wasd.anew().report('go2', *pushed, play=play, speed='0')
     slow = wasd.report('go2', *pushed, play=play, speed='1')
     assert fast['samples'] == slow['samples']
-    assert slow['real_time_factor'] <= 1.05
 
 
 def test_another_seed_gives_other_noise(run: Callable[..., Series]) -> None:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 
 import pytest
+from terminals import PATIENCE
 
 BIN = Path(sys.prefix) / 'bin'
 RUN = [str(BIN / 'wasd'), 'mbot', '--viewer', 'none', '--duration']
@@ -27,7 +28,6 @@ STATES = {
 }
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT)
 REACHES = ('LOCALHOST', 'OFF', 'SUBNET')
-PATIENCE = 60.0
 
 pytestmark = [
     pytest.mark.slow,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from terminals import PATIENCE
 
 pytest.importorskip('tf2_msgs', reason='no tf2_msgs: python -m robot_description.build_interfaces')
 from geometry_msgs.msg import TransformStamped
@@ -34,7 +35,7 @@ def launched(launch_file: Any, tmp_path: Path, isolated_ros: int) -> Iterator[li
     for process in processes:
         process.send_signal(signal.SIGINT)
     for process in processes:
-        process.wait(20.0)
+        process.wait(PATIENCE)
 
 
 def test_the_wheels_are_told_of_the_instants_of_odometry(
@@ -52,7 +53,7 @@ def test_the_wheels_are_told_of_the_instants_of_odometry(
     spin_until(
         spawn.pump,
         lambda: len(stamps(True)) > ENOUGH and len(stamps(False)) > ENOUGH,
-        timeout=120.0,
+        timeout=PATIENCE,
     )
     odometry, joints = stamps(True), stamps(False)
     first, last = max(odometry[0], joints[0]), min(odometry[-1], joints[-1])

@@ -12,6 +12,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 import pytest
 from rclpy.node import Node
+from terminals import PATIENCE
 from wasd_core.topics import LATCHED
 
 pytestmark = pytest.mark.slow
@@ -65,9 +66,9 @@ def test_a_launched_robot_maps_and_drives_to_a_goal(
 
     # The first start ever compiles the navigator.
     spin_until(spawn.pump, lambda: maps and places, timeout=240.0, step=look)
-    spin_until(spawn.pump, lambda: places[-1] > 0.2, timeout=120.0, step=ask)
+    spin_until(spawn.pump, lambda: places[-1] > 0.2, step=ask)
     for process in launched:
         process.send_signal(signal.SIGINT)
     for process in launched:
-        _, errors = process.communicate(timeout=20.0)
+        _, errors = process.communicate(timeout=PATIENCE)
         assert (process.returncode, 'Traceback' in errors) == (0, False), errors

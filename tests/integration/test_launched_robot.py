@@ -13,6 +13,7 @@ from nav_msgs.msg import Odometry
 import pytest
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -57,11 +58,11 @@ def test_a_launched_robot_drives_in_its_namespace_and_ends_cleanly(
         driver.publish(forward)
         spawn.pump.handle(0.05)
 
-    spin_until(spawn.pump, lambda: clock and places and places[-1] > 0.3, timeout=30.0, step=drive)
+    spin_until(spawn.pump, lambda: clock and places and places[-1] > 0.3, step=drive)
     names = {name for name, _ in peer.get_topic_names_and_types()}
     assert not {'/clock', '/tf', '/tf_static', '/odom'} & names
     for process in launched:
         process.send_signal(signal.SIGINT)
     for process in launched:
-        _, errors = process.communicate(timeout=20.0)
+        _, errors = process.communicate(timeout=PATIENCE)
         assert (process.returncode, 'Traceback' in errors) == (0, False), errors

@@ -6,6 +6,7 @@ import sys
 from typing import Any
 
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +28,7 @@ def test_a_run_does_without(
         ['/bin/bash', '-o', 'pipefail', '-c', f'"$0" -m wasd_bringup.cli "$@" {redirection}',
          sys.executable, *RUNS[name], '--report', 'report.json'],
         env=environment, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-        timeout=120,
+        timeout=PATIENCE,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, '')
     assert (tmp_path / 'report.json').exists()

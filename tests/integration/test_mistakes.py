@@ -9,6 +9,7 @@ import sys
 
 from cases import for_all
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -94,7 +95,7 @@ def test_a_closed_standard_input_is_no_terminal(wasd: Wasd, environment: dict[st
         text=True,
         capture_output=True,
         start_new_session=True,
-        timeout=30,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 2
@@ -103,7 +104,7 @@ def test_a_closed_standard_input_is_no_terminal(wasd: Wasd, environment: dict[st
 
 
 def test_keys_from_a_pipe_drive_and_the_run_ends_after_them(wasd: Wasd) -> None:
-    done = wasd('mbot', stdin=None, input='iii', timeout=30)
+    done = wasd('mbot', stdin=None, input='iii', timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     x = float(done.stdout.split('mbot at ')[1].split()[0])
     assert x > 0.02

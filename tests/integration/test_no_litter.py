@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +23,7 @@ NODES = {
 
 def wait_until_it_catches(process: 'subprocess.Popen[bytes]', number: int) -> None:
     """Wait until a process has a handler for a signal: until it has been loaded."""
-    caught, deadline = 0, time.monotonic() + 60.0
+    caught, deadline = 0, time.monotonic() + PATIENCE
     while not caught >> (number - 1) & 1:
         assert time.monotonic() < deadline
         assert process.poll() is None
@@ -52,7 +53,7 @@ def test_a_start_and_a_stop_leave_nothing_behind(
     wait_until_it_catches(process, signal.SIGTERM)
     time.sleep(2.0)
     process.send_signal(signal.SIGTERM)
-    _, said = process.communicate(timeout=60.0)
+    _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode in (0, 128 + signal.SIGTERM), said
     assert [path for path in temporary.rglob('*') if path.is_file()] == []
     # Compiled code and converted meshes are kept, once; logs are not.

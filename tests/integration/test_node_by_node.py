@@ -20,6 +20,7 @@ import programs
 import pytest
 from rclpy.node import Node
 from std_msgs.msg import String
+from terminals import PATIENCE
 from wasd_core.topics import LATCHED
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,7 +32,6 @@ BLOCKS = [
 IDS = ['go2_keys', 'go2_twist', 'mbot', 'mbot_mux', 'mbot_goal', 'mbot_fake']
 # Who reads a terminal.
 KEYBOARDS = ('key_publisher', 'teleop')
-PATIENCE = 120.0
 TILTED = 0.5  # [rad]
 
 pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(2.0 * PATIENCE)]
@@ -135,7 +135,7 @@ class Bench:
         for process, _ in self.started.values():
             process.terminate()
         for process, terminal in self.started.values():
-            process.wait(20.0)
+            process.wait(PATIENCE)
             if terminal is not None:
                 os.close(terminal)
 

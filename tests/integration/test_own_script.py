@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import programs
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -75,10 +76,10 @@ def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path:
             env=environment,
             stdin=subprocess.DEVNULL,
             text=True,
-            timeout=120,
+            timeout=PATIENCE,
         )
         node.send_signal(signal.SIGINT)
-        assert node.wait(30.0) == 0
+        assert node.wait(PATIENCE) == 0
     finally:
         node.kill()
         node.wait()
@@ -198,12 +199,12 @@ def test_a_second_thread_is_refused_and_may_come_after_the_first(kind):
 
     def wait() -> None:
         is_inside.set()
-        go_on.wait(30.0)
+        go_on.wait(PATIENCE)
 
     robot._simulation.schedule.every(0.01, wait)
     first = threading.Thread(target=robot.run, args=(0.1,))
     first.start()
-    assert is_inside.wait(30.0)
+    assert is_inside.wait(PATIENCE)
     calls = {
         'run': lambda: robot.run(1.0),
         'press': lambda: robot.press('k'),
@@ -242,7 +243,7 @@ def test_a_picture_that_cannot_be_written_says_why(path, tmp_path):
         [sys.executable, '-c', DRAWS, tmp_path / path],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.stdout.startswith('picture: '), done.stderr

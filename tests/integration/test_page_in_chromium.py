@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 import pytest
+from terminals import PATIENCE
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
 from page_in_browser import judged_while_alive, open_page, set_page_size, skip_unless_alive  # noqa: E402
@@ -28,7 +29,7 @@ def presses(path: Path) -> list[str]:
 
 def wait_for_key(path: Path, key: str, times: int = 1) -> None:
     """Wait until a run has saved that a key was pressed: a slow page tells of it late."""
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while presses(path).count(key) < times:
         assert time.monotonic() < deadline, f'{key} did not come: {presses(path)}'
         time.sleep(0.05)

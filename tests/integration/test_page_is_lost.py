@@ -21,6 +21,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -60,7 +61,7 @@ class Robot:
 
     def wait_until(self, condition: Callable[[], bool], what: str) -> None:
         """Wait for a condition, long enough for a busy machine."""
-        deadline = time.monotonic() + 40.0
+        deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, what
             time.sleep(0.01)

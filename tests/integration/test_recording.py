@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore, Stores
+from terminals import PATIENCE
 from wasd_bringup.tools.recording.reader import BagReader
 
 pytestmark = pytest.mark.slow
@@ -114,7 +115,7 @@ def test_killed_it_opens_with_all_that_was_saved(new_runner: Any) -> None:
     runner = new_runner()
     path = runner.folder / 'killed.mcap'
     process = runner.start('mbot', '--viewer', 'none', '--duration', '999', '--record', path.name)
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     seen = [0.0]
     while len(seen) < 4:  # it can be read while it grows, second by second
         assert time.monotonic() < deadline
@@ -123,7 +124,7 @@ def test_killed_it_opens_with_all_that_was_saved(new_runner: Any) -> None:
             end = 1e-9 * BagReader(path).end
             seen += [end] if end > seen[-1] else []
     process.send_signal(signal.SIGKILL)
-    process.wait(40.0)
+    process.wait(PATIENCE)
     bag = BagReader(path)
     assert 1e-9 * bag.end >= seen[-1]
     topics = {topic.name for topic in bag.topics if topic.messages}

@@ -16,6 +16,7 @@ from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from terminals import PATIENCE
 from wasd_core.node import init_ros
 import yaml
 
@@ -178,7 +179,7 @@ def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
     peer = spawn(Node('peer'))
     asker = peer.create_client(GetParameters, '/yard/simulator/get_parameters')
     try:
-        spin_until(spawn.pump, asker.service_is_ready, timeout=30.0)
+        spin_until(spawn.pump, asker.service_is_ready)
         # An answer is lost when the robot has not found the asker yet: it asks until one comes.
         answers: list[Any] = []
 
@@ -186,7 +187,7 @@ def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
             answers.append(asker.call_async(GetParameters.Request(names=['clock_rate'])))
             spawn.pump.handle(1.0)
 
-        spin_until(spawn.pump, lambda: any(a.done() for a in answers), timeout=30.0, step=ask)
+        spin_until(spawn.pump, lambda: any(a.done() for a in answers), step=ask)
         future = next(answer for answer in answers if answer.done())
         wanted = {'/yard/steer', '/yard/odom', '/yard/joint_states', '/yard/robot_description'}
         # Time and frames are those of one world: a namespace has its own, as in a launch file.
@@ -202,7 +203,7 @@ def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
         assert not outside & {name for name, _ in peer.get_topic_names_and_types()}
     finally:
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=20.0)
+        _, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, 'Traceback' in errors) == (0, False), errors
 
 

@@ -13,6 +13,7 @@ import pytest
 from quadruped_sim.compilation import warm_up
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import load_robot
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -77,7 +78,7 @@ def compiled() -> None:
 def test_a_go2_is_read_parsed_recognised_and_modelled_once(isolated_ros, build):
     code = f'{COUNT}{build}print(json.dumps(counts))'
     done = subprocess.run(
-        [sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=120
+        [sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=PATIENCE
     )
     assert done.returncode == 0, done.stderr
     counts = json.loads(done.stdout.splitlines()[-1])

@@ -16,6 +16,7 @@ from terminals import (
     AT_MOST,
     END_AFTER,
     name_of,
+    PATIENCE,
     usual_statuses,
     wait_until,
     ZERO_AFTER,
@@ -65,8 +66,6 @@ os.tcsetpgrp(0, job)
 os.kill(job, signal.SIGCONT)
 sys.exit(os.waitstatus_to_exitcode(os.waitpid(job, 0)[1]))
 """
-# How long anything may take at all [s].
-PATIENCE = 3.0
 # A run for each signal takes a while: WASD_TEST_SIGNALS=all has them all, in every state.
 EVERY = os.environ.get('WASD_TEST_SIGNALS') == 'all'
 IGNORED = (signal.SIGPIPE, signal.SIGXFSZ)
@@ -227,7 +226,7 @@ def test_ctrl_z_stops_the_robot_and_after_fg_the_status_is_back_and_nothing_move
     (tmp_path / 'fg').touch()
     session.wait_for('IN FRONT')
     session.shown = ''
-    session.wait_for('stopped', PATIENCE)
+    session.wait_for('stopped')
     assert not any(one.linear.x or one.angular.z for one in commands(1.0)[count:])
     session.type('\x03')
     assert session.end() == 0

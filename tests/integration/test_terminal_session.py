@@ -11,6 +11,7 @@ import time
 from typing import Any
 
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -118,7 +119,7 @@ def test_an_exception_leaves_the_terminal_as_it_was_and_the_robot_stopped(
     session = start('--report', 'report.json', program=('-c', FAULTY))
     session.wait_for('stopped')
     hold_until_it_drives(session, commands)
-    assert session.end(20.0) == 1
+    assert session.end() == 1
     assert 'made for a test' in session.shown
     assert termios.tcgetattr(session.slave) == session.before
     last = commands(0.3)[-1]
@@ -131,4 +132,4 @@ def test_a_closed_terminal_ends_the_run(start: Callable[..., Any]) -> None:
     session.wait_for('stopped')
     os.close(session.master)
     session.master = os.dup(session.slave)
-    assert session.process.wait(40.0) in (128 + 1, -1)
+    assert session.process.wait(PATIENCE) in (128 + 1, -1)

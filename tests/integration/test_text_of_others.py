@@ -12,6 +12,7 @@ import pytest
 import rclpy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from terminals import PATIENCE
 import yaml
 
 pytestmark = pytest.mark.slow
@@ -31,7 +32,7 @@ def shown(
 
     def run(*arguments: str) -> tuple[int, str]:
         session = run_on_terminal(list(arguments), environment, tmp_path)
-        return session.end(60.0), session.shown
+        return session.end(), session.shown
 
     return run
 
@@ -84,7 +85,7 @@ def test_a_message_that_is_echoed(
         for _ in range(5):  # on a busy machine a topic may be discovered too late for one
             words = [*cli, 'echo', 'state', '--once', *field]
             session = run_on_terminal(words, environment, tmp_path)
-            if session.end(60.0) == 0:
+            if session.end() == 0:
                 break
             assert 'no topic' in session.shown
         assert 'owned' in session.shown
@@ -107,7 +108,7 @@ def test_the_help_of_a_keymap(tmp_path: Path, start: Any) -> None:
     described['help'] = described['help'].replace('mbot!', f'mbot! {TITLE}{BIDI}')
     keymap.write_text(yaml.safe_dump(described))
     session = start('--preset', os.fspath(keymap))
-    session.wait_for('stopped', 60.0)
+    session.wait_for('stopped')
     session.type('?')
     session.wait_for(f'Control mbot! {SHOWN}')
     session.type('\x03')
@@ -129,7 +130,7 @@ def test_what_a_node_logs_of_a_message(
     module = 'robot_description.state_publisher_node'
     arguments = ['-m', module, '--ros-args', '-p', 'description:=mbot']
     session = run_on_terminal(arguments, environment, tmp_path)
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     while 'owned' not in session.shown:
         assert time.monotonic() < deadline, session.shown
         publisher.publish(JointState(name=[f'{TITLE}{BIDI}'], position=[0.0]))

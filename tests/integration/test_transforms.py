@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import programs
 import pytest
+from terminals import PATIENCE
 
 pytest.importorskip(
     'tf2_msgs',
@@ -82,7 +83,7 @@ class Observer:
     def _note(self, topic: str, message: Any) -> None:
         self.measured.append((topic, message.header.frame_id, tick(message.header.stamp)))
 
-    def listen(self, is_enough: Callable[[], bool], patience: float = 30.0) -> None:
+    def listen(self, is_enough: Callable[[], bool], patience: float = PATIENCE) -> None:
         """Listen until it is enough."""
         end = time.monotonic() + patience
         while not is_enough():
@@ -122,7 +123,7 @@ def seen(
         finally:
             rclpy.try_shutdown()
             process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=20.0)
+            _, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, 'Traceback' in errors) == (0, False), errors
 
 

@@ -14,6 +14,7 @@ import time
 
 import programs
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -90,12 +91,12 @@ class Host:
     def wasd(self, *words: str, **environment: str) -> 'subprocess.CompletedProcess[str]':
         """Run `wasd` to its end."""
         process = self.start(*WASD, *words, **environment)
-        said, errors = process.communicate(timeout=60.0)
+        said, errors = process.communicate(timeout=PATIENCE)
         return subprocess.CompletedProcess(process.args, process.returncode, said, errors)
 
     def wait_for(self, topic: str = 'odom', **environment: str) -> None:
         """Wait until a topic comes."""
-        deadline = time.monotonic() + 90.0
+        deadline = time.monotonic() + PATIENCE
         while (done := self.wasd('echo', '--once', topic, **environment)).returncode:
             assert time.monotonic() < deadline, done.stderr
 
@@ -152,10 +153,10 @@ def attacked(home: Host, foreign: Host, seconds: float, **environment: str) -> t
     )  # fmt: skip
     home.wait_for(**environment)
     intruder = foreign.start(PYTHON, '-c', INTRUDER, str(seconds), ROS_STATIC_PEERS=HOME)
-    said, errors = intruder.communicate(timeout=60.0)
+    said, errors = intruder.communicate(timeout=PATIENCE)
     assert intruder.returncode == 0, errors
     robot.send_signal(signal.SIGINT)
-    _, errors = robot.communicate(timeout=20.0)
+    _, errors = robot.communicate(timeout=PATIENCE)
     assert robot.returncode == 0, errors
     x, y, _ = json.loads(report.read_text())['samples']['position'][-1]
     return int(said), (x**2 + y**2) ** 0.5
@@ -181,7 +182,7 @@ def test_nodes_and_commands_of_this_machine_find_each_other(home: Host) -> None:
     assert addresses == {'0100007F'}  # 127.0.0.1, as the kernel writes it
     teleop = home.start(PYTHON, '-m', 'teleop_keyboard.teleop_node')
     assert teleop.stdin is not None
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     moved = 0.0
     while moved < 0.02:
         assert time.monotonic() < deadline, 'the robot does not hear the keyboard'
@@ -208,7 +209,7 @@ def test_two_runs_at_once_drive_each_its_own_robot(home: Host, tmp_path: Path) -
         process.stdin.flush()
     states = []
     for process, name in ((first, 'one'), (second, 'two')):
-        _, errors = process.communicate(timeout=60.0)
+        _, errors = process.communicate(timeout=PATIENCE)
         assert process.returncode == 0, errors
         report = json.loads((tmp_path / f'{name}.json').read_text())
         states.append((set(report['samples']['state']), errors))
@@ -253,7 +254,7 @@ def test_a_domain_of_the_users_is_kept_with_a_warning(home: Host) -> None:
     words = (*WASD, 'mbot', '--viewer', 'none', '--duration')
     home.start(*words, '900', ROS_DOMAIN_ID='7', **NAMED)
     home.wait_for(ROS_DOMAIN_ID='7')
-    _, errors = home.start(*words, '0.1', ROS_DOMAIN_ID='7').communicate(timeout=60.0)
+    _, errors = home.start(*words, '0.1', ROS_DOMAIN_ID='7').communicate(timeout=PATIENCE)
     assert re.fullmatch(
         r'wasd: domain 7 has another run, wasd mbot.* \(process \d+\), too: each may get keys '
         r'and commands for the other\n',

@@ -9,6 +9,7 @@ import sys
 import urllib.request
 
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -95,9 +96,9 @@ def test_without_ros_the_page_answers(tmp_path: Path) -> None:
     try:
         assert run.stdout is not None
         address = run.stdout.readline().removeprefix('viewer: ').strip()
-        with urllib.request.urlopen(address, timeout=60.0) as page:
+        with urllib.request.urlopen(address, timeout=PATIENCE) as page:
             assert page.status == 200
             assert b'<canvas' in page.read()
     finally:
         run.terminate()
-        run.wait(timeout=60.0)
+        run.wait(timeout=PATIENCE)

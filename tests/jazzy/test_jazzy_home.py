@@ -11,6 +11,7 @@ from executables import SCRIPTS
 import pytest
 from rclpy.node import Node
 from sourced_jazzy import FROM_APT, ROOT
+from terminals import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(3600.0)]
 
@@ -37,8 +38,6 @@ shapes = [s for l in parse_urdf(published_urdf(read.urdf, read.meshes.files)).li
           for s in l.visuals if s.kind == 'mesh']
 print(len(shapes), [s.url for s in shapes if opened_by_rviz(s.url) is None], read.repairs)
 """
-# How long a node may take to start on a busy machine [s].
-PATIENCE = 90.0
 PLAYED = {'go2': '0.1 2\n1 4\n1.5 w*4', 'mbot': '0.1 i*30'}
 
 
@@ -80,7 +79,7 @@ def test_a_node_runs_until_ctrl_c(executable, jazzy, workspace, isolated_ros, sp
     os.close(terminal)
     listener = spawn(Node('listener'))
     try:
-        spin_until(spawn.pump, lambda: name in listener.get_node_names(), timeout=PATIENCE)
+        spin_until(spawn.pump, lambda: name in listener.get_node_names())
         process.send_signal(signal.SIGINT)
         said, _ = process.communicate(timeout=PATIENCE)
     finally:

@@ -21,7 +21,7 @@ from mujoco_sim.viewer.page import CameraView, WebView
 from mujoco_sim.world import build_world
 from page_puppet import code, input_packet, PagePuppet, VERSION_PACKET
 import pytest
-from terminals import wait_until
+from terminals import PATIENCE, wait_until
 from websockets.exceptions import ConnectionClosed, ConnectionClosedOK, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -62,7 +62,7 @@ def port(view: WebView) -> int:
 
 def get(port: int, path: str, **headers: str) -> http.client.HTTPResponse:
     """Ask for a path with headers, of which Host may be one."""
-    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=20.0)
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
     connection.putrequest('GET', path, skip_host='Host' in headers)
     for name, value in headers.items():
         connection.putheader(name, value)
@@ -121,7 +121,7 @@ def test_the_page_itself_gets_everything(port, name):
 
 
 def test_the_page_is_as_wide_as_a_phone_and_whole(port):
-    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=20.0)
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
     connection.request('GET', '/')
     answer = connection.getresponse()
     body = answer.read()
@@ -131,7 +131,7 @@ def test_the_page_is_as_wide_as_a_phone_and_whole(port):
 
 
 def test_those_without_panels_read_what_they_say(port):
-    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=20.0)
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
     connection.request('GET', '/status')
     answer = connection.getresponse()
     assert answer.status == 200
@@ -174,7 +174,7 @@ def test_a_file_that_is_dropped_is_refused_and_not_kept(view, port):
 def test_a_client_that_does_not_finish_its_request_is_let_go(port, monkeypatch):
     monkeypatch.setattr(page_server, 'HEADER_TIMEOUT', 0.3)
     for start in (b'', b'GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: '):
-        with socket.create_connection(('127.0.0.1', port), timeout=5.0) as client:
+        with socket.create_connection(('127.0.0.1', port), timeout=PATIENCE) as client:
             client.sendall(start)
             with contextlib.suppress(ConnectionResetError):
                 assert client.recv(1) == b''

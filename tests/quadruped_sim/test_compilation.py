@@ -16,6 +16,7 @@ import tty
 import numba
 import pytest
 from quadruped_sim.compilation import compile_once, NOTICE
+from terminals import PATIENCE
 import wasd
 from wasd_core.errors import Stopped
 from wasd_core.streams import Outlet, Words
@@ -23,8 +24,6 @@ from wasd_core.streams import Outlet, Words
 import quadruped_sim
 from quadruped_sim import compilation, legs
 
-# Starting takes a second or two of a core; compiling takes more than ten.
-PATIENCE = 60.0
 SOON = 5.0
 
 USE = """

@@ -18,6 +18,7 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from terminals import PATIENCE
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_stamp
 from wasd_core.paired import LONGEST_GAP
@@ -196,7 +197,7 @@ def test_e_stop_lets_go_at_once(feed, peer, legs, spawn, spin_until):
     feed(1.002)
     feed(1.004)
     assert legs.controller.state == 'fixed stand'
-    assert peer.e_stop.wait_for_service(10.0)
+    assert peer.e_stop.wait_for_service(PATIENCE)
     answer = peer.e_stop.call_async(Trigger.Request())
     spin_until(spawn.pump, answer.done)
     assert answer.result().success
@@ -347,7 +348,7 @@ def test_what_was_said_goes_after_three_seconds_of_the_nodes_time(
     spin_until(
         spawn.pump,
         lambda: not legs.notice.text,
-        timeout=60.0,
+        timeout=PATIENCE,
         step=lambda: feed(next(stamps)),
     )
     assert 3.9 < next(stamps) < 6.0

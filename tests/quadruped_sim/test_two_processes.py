@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +24,6 @@ pytestmark = pytest.mark.slow
 STOPS = (0.3, 1.0, 3.0)
 # Slower than real time, so that two processes on a busy machine can keep in step.
 SPEED = 0.5
-PATIENCE = 90.0
 
 
 class Watcher(Node):
@@ -99,7 +99,7 @@ def processes(isolated_ros) -> Iterator[list[subprocess.Popen]]:
         process.send_signal(signal.SIGCONT)
         process.terminate()
     for process in started:
-        process.wait(40.0)
+        process.wait(PATIENCE)
 
 
 def test_two_processes_walk_and_one_that_stops_or_ends_lets_the_robot_not_fall(spawn, processes):
@@ -149,7 +149,7 @@ def assert_time_passes_when_it_is_gone(watcher, processes):
     """End the leg controller."""
     simulator, legs = processes
     legs.terminate()
-    legs.wait(40.0)
+    legs.wait(PATIENCE)
     watcher._processes = [simulator]
     watcher.pass_time(1.0)
     assert watcher.place[2] < 0.25  # the motors brake, the robot sinks

@@ -10,6 +10,7 @@ from robot_description.description import load_robot
 from robot_description.meshes.load import Detail, load_mesh
 from robot_description.mujoco import geoms
 from robot_description.mujoco.builder import to_mujoco
+from terminals import PATIENCE
 
 # One triangle, in no symmetric place.
 POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 3.0]])
@@ -140,7 +141,7 @@ def test_processes_that_fill_the_cache_at_once_all_get_the_mesh(tmp_path, cache)
     processes = [context.Process(target=load) for _ in range(3)]
     for process in processes:
         process.start()
-    assert {sums.get(timeout=30.0) for _ in processes} == {int(load_mesh(path).faces.sum())}
+    assert {sums.get(timeout=PATIENCE) for _ in processes} == {int(load_mesh(path).faces.sum())}
     for process in processes:
         process.join()
     assert [entry.suffix for entry in cache.iterdir()] == ['.npz']

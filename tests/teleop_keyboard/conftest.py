@@ -19,10 +19,9 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
-from terminals import fill, wait_until
+from terminals import fill, PATIENCE, wait_until
 
 # How long a process may take to start or to end on a busy machine [s].
-PATIENCE = 40.0
 
 
 class PtyProcess:

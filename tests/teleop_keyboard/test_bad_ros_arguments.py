@@ -3,6 +3,7 @@ import sys
 
 import programs
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -12,7 +13,7 @@ MODULES = ['key_publisher_node', 'keys_to_twist_node', 'teleop_node']
 @pytest.mark.parametrize('module', MODULES)
 def test_malformed_ros_arguments_are_one_line_and_status_2(isolated_ros, module):
     command = [sys.executable, '-m', f'teleop_keyboard.{module}', '--ros-args', '-p', 'bad']
-    done = programs.run(command, input='i', text=True, timeout=20.0)
+    done = programs.run(command, input='i', text=True, timeout=PATIENCE)
     assert done.returncode == 2
     said = "ROS: Couldn't parse parameter override rule: '-p bad'"
     assert done.stderr == f'error: {said}\n'

@@ -11,7 +11,7 @@ import programs
 import pytest
 from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
-from terminals import wait_until
+from terminals import PATIENCE, wait_until
 from wasd_core.topics import LATCHED
 
 pytestmark = pytest.mark.slow
@@ -168,7 +168,7 @@ def run_without_terminal(**arguments):
     return programs.run(
         [sys.executable, *MODULE],
         start_new_session=True,
-        timeout=20.0,
+        timeout=PATIENCE,
         **arguments,
     )
 
@@ -189,7 +189,7 @@ def test_without_a_terminal_it_says_so_in_one_line(ros_domain, module, closed):
         capture_output=True,
         text=True,
         start_new_session=True,
-        timeout=20.0,
+        timeout=PATIENCE,
     )
     assert result.returncode == 2
     assert result.stdout == ''

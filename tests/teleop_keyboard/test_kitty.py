@@ -12,6 +12,7 @@ from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.terminal import ASK_KITTY, KITTY_OFF, KITTY_ON, Terminal
+from terminals import PATIENCE
 
 ANSWER = b'\x1b[?0u'
 
@@ -72,7 +73,7 @@ def screen():
 
 def poll_until(reader, wanted):
     keys = []
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + PATIENCE
     while not wanted(keys):
         assert time.monotonic() < deadline, keys
         keys += reader.poll(0.01)

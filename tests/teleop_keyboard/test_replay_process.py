@@ -8,6 +8,7 @@ import time
 
 import pytest
 from teleop_keyboard.key_script import parse_key_script
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -17,7 +18,7 @@ WASD = ('-m', 'wasd_bringup.cli', 'mbot', '--viewer', 'none', '--report')
 def test_a_replay_of_a_drive_is_the_drive(pty_process, ros_domain, tmp_path):
     saved, live, again = (tmp_path / name for name in ('drive.keys', 'live.json', 'again.json'))
     process = pty_process(*WASD, str(live), '--save-keys', str(saved))
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + PATIENCE
     while b'stopped' not in process.output:
         assert time.monotonic() < deadline, process.output
         time.sleep(0.05)
@@ -36,7 +37,7 @@ def test_a_replay_of_a_drive_is_the_drive(pty_process, ros_domain, tmp_path):
         check=True,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        timeout=60.0,
+        timeout=PATIENCE,
     )
     replayed = json.loads(again.read_text())
     count = min(len(replayed['samples']['t']), len(report['samples']['t'])) - 1

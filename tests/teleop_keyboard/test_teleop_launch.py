@@ -10,6 +10,7 @@ import pytest
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.twist_messages import from_twist
+from terminals import PATIENCE
 
 PATH = Path(__file__).parents[2] / 'wasd_bringup' / 'launch' / 'teleop.launch.py'
 
@@ -115,7 +116,7 @@ def test_launched_it_reads_keys_and_arrows_and_drives_as_fast_as_it_was_told(
     assert b'[teleop-1] keys UP' in process.output
     process.type(b'\x03')
     process.wait()
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while process.attributes != process.before:
         assert time.monotonic() < deadline
         time.sleep(0.01)

@@ -12,6 +12,7 @@ from nav_msgs.msg import Odometry
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +20,7 @@ TELEOP = ('-m', 'teleop_keyboard.teleop_node')
 
 
 def shows(process, text, since=0):
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while text.encode() not in process.output[since:]:
         assert time.monotonic() < deadline, process.output.decode()
         time.sleep(0.01)
@@ -41,7 +42,7 @@ def test_it_shows_keys_robot_and_connection_and_follows_the_window(pty_process, 
     listener.probe(process)
     shows(process, 'robot   trotting')
     shows(process, '1 subscriber, Twist')
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + PATIENCE
     while b'+0.17 m/s' not in process.output:
         assert time.monotonic() < end
         process.type(b'i')
@@ -65,7 +66,7 @@ def test_it_shows_keys_robot_and_connection_and_follows_the_window(pty_process, 
 
 def test_without_a_terminal_for_the_output_there_are_plain_lines(listener):
     result = subprocess.run(
-        [sys.executable, *TELEOP], input=b'iii', capture_output=True, timeout=30.0,
+        [sys.executable, *TELEOP], input=b'iii', capture_output=True, timeout=PATIENCE,
         start_new_session=True,
     )  # fmt: skip
     assert result.returncode == 0

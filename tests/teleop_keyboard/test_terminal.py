@@ -13,6 +13,7 @@ import time
 import pytest
 from teleop_keyboard.key_reader import KeyReader, Pipe
 from teleop_keyboard.terminal import Terminal
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -58,7 +59,7 @@ print('job status', os.waitstatus_to_exitcode(status), flush=True)
 """
 
 
-def wait_for(process, text, timeout=20.0):
+def wait_for(process, text, timeout=PATIENCE):
     deadline = time.monotonic() + timeout
     while text not in process.output:
         assert time.monotonic() < deadline, process.output.decode()

@@ -64,7 +64,7 @@ def run_until(spawn, spin_until):
                 step()
             peer.executor.spin_once(timeout_sec=0.005)
 
-        spin_until(spawn.pump, condition, 20.0, both)
+        spin_until(spawn.pump, condition, step=both)
 
     return run
 

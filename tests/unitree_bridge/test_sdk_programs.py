@@ -17,6 +17,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 pytest.importorskip('cyclonedds', reason='needs the extra unitree')
@@ -43,7 +44,7 @@ def simulate(domain):
     def end():
         for process in started:
             process.terminate()
-            process.wait(30)
+            process.wait(PATIENCE)
             process.stdout.close()
         started.clear()
 
@@ -210,7 +211,7 @@ for number in open_sockets():
 wire.close()
 """
     done = subprocess.run(
-        [sys.executable, '-c', look], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, '-c', look], capture_output=True, text=True, check=True, timeout=PATIENCE
     )
     lines = [line.split() for line in done.stdout.splitlines()]
     assert lines
@@ -293,7 +294,7 @@ def test_nothing_leaves_the_loopback_and_nothing_is_heard_from_outside(hosts):
 def test_another_network_than_the_loopback_is_refused():
     command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--network']
     other = next((name for _, name in socket.if_nameindex() if name != 'lo'), 'eth0')
-    done = subprocess.run([*command, other], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*command, other], capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr.startswith('error: network: ')
     assert done.stderr.count('\n') == 1

@@ -12,6 +12,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
+from terminals import PATIENCE
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.tools.recording.recorder import BagRecorder, full_definition
 from wasd_core.errors import UserError
@@ -50,7 +51,7 @@ class Run:
 
     def wait_until(self, condition, act=lambda: None):
         """Let time pass until what a client or the server's threads do is done."""
-        deadline = time.monotonic() + 40.0
+        deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline
             self.step(0.02, act)

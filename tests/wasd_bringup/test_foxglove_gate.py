@@ -8,6 +8,7 @@ import threading
 
 from cases import for_all
 import pytest
+from terminals import PATIENCE
 from wasd_bringup.ros import foxglove_gate
 from wasd_bringup.ros.foxglove_gate import Gate, who_may_not
 
@@ -108,7 +109,7 @@ def said(client, count):
 
 
 def connect(gate):
-    return socket.create_connection(('127.0.0.1', gate.port), timeout=60.0)
+    return socket.create_connection(('127.0.0.1', gate.port), timeout=PATIENCE)
 
 
 @pytest.mark.slow
@@ -128,7 +129,7 @@ def test_who_is_refused_is_told_so_and_named(gate, refused):
     with connect(gate) as client:
         client.sendall(request(*MINE, 'Origin: https://evil.example'))
         assert said(client, 1000).startswith(b'HTTP/1.1 403')
-    assert refused.get(timeout=60.0) == 'https://evil.example'
+    assert refused.get(timeout=PATIENCE) == 'https://evil.example'
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ import pytest
 from quadruped_sim.parameters import LegNodeParameters
 from robot_description.parameters import StatePublisherParameters
 from teleop_keyboard.parameters import KeyParameters, TeleopParameters
+from terminals import PATIENCE
 from wasd_bringup.robots import unitree_help
 from wasd_navigation.parameters import NavigatorParameters
 import yaml
@@ -32,8 +33,6 @@ DEFINITIONS = {
     'state_publisher': StatePublisherParameters,
     'teleop': TeleopParameters,
 }
-# How long a node may take to end on a busy machine [s].
-PATIENCE = 90.0
 # Parameters that no definition has: rclpy's own, and the type of cmd_vel.
 OTHER_PARAMETERS = {'use_sim_time', 'stamped'}
 # Everything the files can be asked for that starts something else.

@@ -5,6 +5,7 @@ import time
 
 from pads import PipePad
 import pytest
+from terminals import PATIENCE
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.ros.pad import PadDriver
@@ -105,7 +106,7 @@ def test_the_go2_stands_up_walks_and_lets_go_by_unitrees_buttons(session_of, pip
     run(session, 1.0)
     assert abs(speed(session)) < 0.1
     # A pad that comes back is looked for on wall time, of which simulating takes little.
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while not pipe.try_plug():
         assert time.monotonic() < deadline
         run(session, 0.02)

@@ -10,6 +10,7 @@ import sys
 
 import programs
 import pytest
+from terminals import PATIENCE
 
 import wasd_core
 
@@ -73,7 +74,7 @@ class Kernels:
 
 def call(process: 'subprocess.Popen[str]') -> str:
     """Have a process call the kernel, and return what it says."""
-    said, _ = process.communicate('\n', timeout=60)
+    said, _ = process.communicate('\n', timeout=PATIENCE)
     assert process.returncode == 0
     return said.strip()
 

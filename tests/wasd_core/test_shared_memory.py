@@ -14,6 +14,7 @@ import types
 
 from cases import for_all
 import pytest
+from terminals import PATIENCE
 from wasd_core.errors import UserError
 from wasd_core.network import do_without_shared_memory, PROFILE, PROFILES_FILE, RANGE, UDP_PROFILE
 from wasd_core.shared_memory import (
@@ -78,7 +79,7 @@ def test_what_a_killed_node_leaves_goes_when_it_is_dead_but_not_before(isolated_
     words = [sys.executable, '-m', 'teleop_keyboard.twist_mux_node']
     process = subprocess.Popen(words, stdin=subprocess.DEVNULL)
     try:
-        deadline = time.monotonic() + 60.0
+        deadline = time.monotonic() + PATIENCE
         while not (mine := segments_of(process.pid)):
             assert time.monotonic() < deadline
             assert process.poll() is None

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +35,7 @@ def run(words, redirection, **options):
     return subprocess.run(
         ['/bin/sh', '-c', command, sys.executable, *words],
         text=True,
-        timeout=60,
+        timeout=PATIENCE,
         **{'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, **options},
     )
 
@@ -75,7 +76,7 @@ def test_a_pipe_that_nobody_reads_does_not_stop_what_never_waits():
     process = subprocess.Popen(
         [sys.executable, '-c', WRITER, 'never'], stdout=writing, stderr=writing
     )
-    assert process.wait(20.0) == 3
+    assert process.wait(PATIENCE) == 3
     # Ours is the other opening of the pipe: it is as it was.
     assert os.get_blocking(writing)
     os.close(writing)
@@ -85,7 +86,7 @@ def test_a_pipe_that_nobody_reads_does_not_stop_what_never_waits():
 
 def test_what_may_wait_loses_nothing():
     done = subprocess.run(
-        [sys.executable, '-c', f'import time\n{WRITER}'], capture_output=True, timeout=20
+        [sys.executable, '-c', f'import time\n{WRITER}'], capture_output=True, timeout=PATIENCE
     )
     assert done.returncode == 3
     assert (len(done.stdout), len(done.stderr)) == (100 * 10_001, 100 * 10_001)

@@ -6,6 +6,7 @@ import math
 from navigation_stand_ins import odometry, StandInLocator
 import numpy as np
 import pytest
+from terminals import PATIENCE
 from wasd_navigation.exploring import Explorer
 from wasd_navigation.navigator import BEYOND, Navigator
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
@@ -133,7 +134,7 @@ class Drive:
         self.rooms.look(self.state)
         self.navigator.see(self.rooms.scan(self.state[:3]), here)
 
-    def run(self, seconds: float = 60.0) -> str:
+    def run(self, seconds: float = PATIENCE) -> str:
         """Drive until the goal has ended; return how."""
         for _ in range(round(seconds / DT)):
             self._sense()
