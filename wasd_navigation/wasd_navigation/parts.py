@@ -104,7 +104,7 @@ def warm_up(locator: Locator, pilot: Driver) -> None:
     pilot.reset()
     hall = _draw_hall()
     pilot.set_goal(np.array([HALL - 2.0, HALL - 2.0, 0.0]))
-    for _ in range(12):
+    for _ in range(24):
         pilot.step(hall, 0, np.array([2.0, 2.0, 0.0]), np.zeros(3), None, 0.05)
     pilot.reset()
     flood(np.zeros(2, np.int64), np.ones((4, 4), np.float32), 0.5)

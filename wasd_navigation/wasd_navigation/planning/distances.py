@@ -112,3 +112,12 @@ def look_up(field: Field, layer: int, x: float, y: float) -> float:
     high += right * values[layer, row + 1, column + 1]
     value: float = (1.0 - above) * low + above * high
     return value
+
+
+@jit
+def look_up_each(field: Field, layer: int, points: np.ndarray) -> np.ndarray:
+    """Return `look_up` of points, shape (n, 2)."""
+    found = np.empty(len(points))
+    for i in range(len(points)):
+        found[i] = look_up(field, layer, points[i, 0], points[i, 1])
+    return found

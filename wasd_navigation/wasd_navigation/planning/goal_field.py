@@ -95,19 +95,19 @@ class DiscField:
         reach: float,
         border: np.ndarray | None = None,
     ) -> None:
-        self._goal = goal
+        self._goal, self._around, self._reach, self._border = goal, around, reach, border
+
+    def work(self, _: np.ndarray, __: int) -> bool:
+        """Work all values out at once, so that there is a way to lead from."""
+        around, reach = self._around, self._reach
         distances = around.distances.values[0]
-        row, column = map(int, around.map_.to_cells(goal[None, :2])[0])
+        row, column = map(int, around.map_.to_cells(self._goal[None, :2])[0])
         # Nearer than this, it is the obstacle that is wrong where the robot is.
         escape = (distances < reach) & (distances > 0.5 * reach)
         price = around.price_of(distances - reach)
-        values, self.beyond = march_from(
-            (row, column), price, escape, around.map_.resolution, border
-        )
+        resolution = around.map_.resolution
+        values, self.beyond = march_from((row, column), price, escape, resolution, self._border)
         self.values = around.field_of(values[None])
-
-    def work(self, _: np.ndarray, __: int) -> bool:
-        """Return whether there is a way to lead from: all was done at once."""
         return True
 
     def way_from(self, pose: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ grown by that room to both sides, are wider than a place, so no way leads throug
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.planning.distances import Field, look_up, measure_distances
+from wasd_navigation.planning.distances import Field, look_up_each, measure_distances
 from wasd_navigation.planning.goal_field import follow, Heap, make_heap, march, start_at
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import Grid, UNKNOWN
@@ -121,23 +121,31 @@ class Overview:
         self._goal, self._around, self._rooms, self._reach = goal, around, rooms, reach
         rooms.take(around.whole_, around.occupied)
         self._heap: Heap | None = None
-        self.is_done = False
+        self._is_spread = self.is_done = False
 
     def work(self) -> bool:
-        """Go on with it for one step; return whether it is done."""
+        """
+        Go on with it for one step; return whether it is done.
+
+        Each part has a step of its own: so much comes before the first, and after the last.
+        """
         if self.is_done or self._rooms.work(TILES):
             return self.is_done
         if self._heap is None:
             self._begin()
-        assert self._heap is not None
-        resolution = self.values.resolution
-        self.is_done = march(self.values.values[0], self._heap, self._price, resolution, PLACES)
-        if self.is_done:
-            values = self.values.values[0]
-            reached = values < np.inf
-            self.beyond = float(values[reached].max(initial=0.0)) + _BEYOND
-            values[~reached] = self.beyond
+        elif not self._is_spread:
+            values, resolution = self.values.values[0], self.values.resolution
+            self._is_spread = march(values, self._heap, self._price, resolution, PLACES)
+        else:
+            self._end()
         return self.is_done
+
+    def _end(self) -> None:
+        values = self.values.values[0]
+        reached = values < np.inf
+        self.beyond = float(values[reached].max(initial=0.0)) + _BEYOND
+        values[~reached] = self.beyond
+        self.is_done = True
 
     def _begin(self) -> None:
         around, grid = self._around, self._around.whole_
@@ -165,7 +173,7 @@ class Overview:
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """Return what is left from points, shape (n, 2) [m]; infinite where no way leads."""
-        found = np.array([look_up(self.values, 0, x, y) for x, y in points])
+        found = look_up_each(self.values, 0, np.ascontiguousarray(points))
         return np.where(found < self.beyond - 1.0, found, np.inf)
 
     def way_from(self, point: np.ndarray) -> np.ndarray:

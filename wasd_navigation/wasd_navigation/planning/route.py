@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wasd_navigation.parameters import Footprint, PlanningParameters
-from wasd_navigation.planning.distances import Field, look_up
+from wasd_navigation.planning.distances import Field, look_up_each
 from wasd_navigation.planning.goal_field import DiscField, flood, reaches, shortest
 from wasd_navigation.planning.heading_field import EASY, HeadingField, SHORT
 from wasd_navigation.planning.motion import Base, clearance, HARD, IN_GAP, least_clearance
@@ -364,7 +364,7 @@ def nearest_free(
     near = np.argsort(away, kind='stable')
     places = goal[:2] + offsets[near[away[near] <= parameters.tolerance + 1e-9]]
     # Nobody means the other side of what is in the way.
-    may_be_unknown &= look_up(field, 0, goal[0], goal[1]) > 0.5 * footprint.inscribed
+    may_be_unknown &= look_up_each(field, 0, goal[None, :2])[0] > 0.5 * footprint.inscribed
     inside = grid.covers(grid.to_cells(places))
     places, cells = places[inside], grid.to_cells(places[inside])
     is_known = ~around.is_unknown[tuple(cells.T)] | may_be_unknown
