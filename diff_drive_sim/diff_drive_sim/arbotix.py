@@ -242,6 +242,7 @@ class LegacyController:
     ) -> None:
         """Take the wheels and how many ticks there are to a radian."""
         self.geometry = geometry
+        self.refused_commands = 0
         self._scale = scale
         self.host = ArbotixHost(parameters.ticks_meter, geometry.wheel_separation, parameters.rate)
         self.parameters = parameters
@@ -315,6 +316,7 @@ class LegacyController:
     def command(self, linear: float, angular: float, age: float = 0.0) -> bool:
         """Take a velocity command [m/s], [rad/s]; one that is not finite is refused."""
         if not (math.isfinite(linear) and math.isfinite(angular)):
+            self.refused_commands += 1
             return False
         self._wanted = Velocity(linear, angular)
         self._has_command = True

@@ -75,6 +75,7 @@ class DiffDriveController:
         self.parameters = parameters
         # What a guard leaves of the command in force.
         self.hold_back: Callable[[Velocity], Velocity] = lambda velocity: velocity
+        self.refused_commands = 0
         self.lowered: tuple[Velocity, Velocity] | None = None
         self.reset()
 
@@ -160,6 +161,7 @@ class DiffDriveController:
         refused and the previous one stays.
         """
         if not (math.isfinite(linear) and math.isfinite(angular)):
+            self.refused_commands += 1
             return False
         self._wanted = Velocity(linear, angular)
         self._command_age.hear(age)

@@ -278,7 +278,12 @@ def state(package: Package) -> str:
     stamp = HERE.site / package.name / STAMP
     if stamp.is_file():
         return 'current' if stamp.read_text() == fingerprint(package) else 'stale'
-    return 'foreign' if importlib.util.find_spec(package.name) is not None else 'missing'
+    return 'foreign' if is_importable(package.name) else 'missing'
+
+
+def is_importable(name: str) -> bool:
+    """Whether some package of this name is found: that of a sourced ROS, mostly."""
+    return importlib.util.find_spec(name) is not None
 
 
 def build(package: Package, place: Place) -> None:

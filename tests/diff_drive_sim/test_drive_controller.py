@@ -192,6 +192,7 @@ def test_a_time_out_of_zero_is_none(geometry):
 def test_a_command_that_is_not_finite_is_refused_and_the_last_one_stays(controller, bad, axis):
     controller.command(0.2, 0.1)
     assert not controller.command(*((bad, 0.0) if axis == 0 else (0.0, bad)))
+    assert controller.refused_commands == 1
     assert controller.target == (0.2, 0.1)
 
 

@@ -63,6 +63,7 @@ def test_it_says_what_the_set_points_mean(unit):
 
 def test_a_command_that_is_not_finite_is_refused(unit):
     assert not unit.controller.command(math.nan, 0.0)
+    assert unit.controller.refused_commands == 1
     assert setpoints(unit, 0.5) == [(0.002, (0, 0))]
 
 

@@ -121,10 +121,11 @@ class Setting(NamedTuple):
 
 
 class KeyCap(NamedTuple):
-    """A key by its name as on `keys`, and what it does."""
+    """A key by its name as on `keys`, and what it does; `is_direction` where it drives."""
 
     key: str
     does: str
+    is_direction: bool = False
 
 
 class Stick(NamedTuple):

@@ -5,28 +5,33 @@ import sys
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry as OdometryMessage
 import numpy as np
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
+from wasd_core.errors import InvalidMessage
+from wasd_core.messages import from_odometry, to_seconds
 from wasd_core.node import run_node
-from wasd_core.robot_io import BaseOdometry
 from wasd_core.ros_parameters import declare_parameters
+from wasd_core.streams import visible
 from wasd_core.timing import Watchdog
-from wasd_core.topics import LATCHED, RELIABLE
+from wasd_core.topics import LATCHED, RELIABLE, SENSOR_DATA, tf_message_type, TF_STATIC
 
 from wasd_navigation.guard import Guard, warm_up
 from wasd_navigation.guard_parameters import guard, GuardNodeParameters
+from wasd_navigation.messages import from_pose
 from wasd_navigation.odometry import Odometry
-from wasd_navigation.records import Scan
+from wasd_navigation.records import Ranges, Scan
 from wasd_navigation.senses import Senses
-from wasd_navigation.sensor_node import SensorNode
 
 # A command is looked at again so often [s] while it is in force: no longer than this without
 # another one [s], as controllers forget it then.
 PERIOD, IN_FORCE = 0.05, 0.5
 
 
-class GuardNode(SensorNode):
+class GuardNode(Node):
     """
     Relays velocities from `cmd_vel_in_topic` to `cmd_vel_out_topic`, limited to keep clear.
 
@@ -57,7 +62,11 @@ class GuardNode(SensorNode):
         self._state = self.create_publisher(String, '~/state', LATCHED)
         self._said = ''
         self.create_subscription(kind, settings.cmd_vel_in_topic, self._on_velocity, RELIABLE)
-        self.listen_to_sensors(settings.scan_topic)
+        self.create_subscription(OdometryMessage, 'odom', self._on_odometry, SENSOR_DATA)
+        self.create_subscription(LaserScan, settings.scan_topic, self._on_scan, SENSOR_DATA)
+        tf = tf_message_type()
+        if tf is not None:
+            self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
         self.create_timer(PERIOD, self.step)
 
     def step(self) -> None:
@@ -99,20 +108,46 @@ class GuardNode(SensorNode):
         self._publish(velocity)
 
     def _publish(self, velocity: np.ndarray) -> None:
-        self._out.publish(self.to_velocity(velocity, self._is_stamped, self._base_frame))
+        twist = Twist()
+        twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
+        if self._is_stamped:
+            message = TwistStamped(twist=twist)
+            message.header.stamp = self.get_clock().now().to_msg()
+            message.header.frame_id = self._base_frame
+            self._out.publish(message)
+        else:
+            self._out.publish(twist)
 
-    def take_odometry(self, now: float, base: BaseOdometry, frames: tuple[str, str]) -> None:
-        """Take where the base is at a time [s]; `frames` are odom's and the base's."""
-        odometry = self.senses.read_odometry(now, base, frames)
+    def _on_odometry(self, message: OdometryMessage) -> None:
+        now = to_seconds(message.header.stamp)
+        frames = message.header.frame_id, message.child_frame_id
+        odometry = self.senses.read_odometry(now, from_odometry(message), frames)
         if odometry is not None:
             self._odometry = odometry
             self.senses.add_odometry(now, odometry)
 
+    def _on_scan(self, message: LaserScan) -> None:
+        said = Ranges(*(getattr(message, name) for name in Ranges._fields))
+        now, frame = to_seconds(message.header.stamp), message.header.frame_id
+        self.senses.take_scan(now, said, frame)
+
     def _see(self, scan: Scan, odometry: Odometry, age: float, _: float) -> None:
         self.guard.see(scan, odometry, age)
 
+    def _on_fixed_frames(self, message: Any) -> None:
+        for one in message.transforms:
+            try:
+                pose = from_pose(one.transform)
+            except InvalidMessage as error:
+                self._warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
+                continue
+            self.senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
+
     def _on_change(self, changed: GuardNodeParameters) -> None:
         self.guard.tune(changed)
+
+    def _warn(self, words: str) -> None:
+        self.get_logger().warning(visible(words), throttle_duration_sec=5.0)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -3,27 +3,39 @@
 
 import functools
 import sys
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry as OdometryMessage
 import numpy as np
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from wasd_core.errors import InvalidMessage, UserError
+from wasd_core.messages import from_odometry, to_seconds
 from wasd_core.node import run_node
-from wasd_core.robot_io import BaseOdometry
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
-from wasd_core.topics import AbsenceWatch, LATCHED, PublisherWatch, RELIABLE
+from wasd_core.topics import (
+    AbsenceWatch,
+    LATCHED,
+    PublisherWatch,
+    RELIABLE,
+    SENSOR_DATA,
+    tf_message_type,
+    TF_STATIC,
+)
 
 from wasd_navigation.actions import FollowWaypoints, NavigateToPose
 from wasd_navigation.messages import from_pose, NavigationPublisher
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import read_covariance, to_planar
 from wasd_navigation.parameters import navigator, NavigatorParameters
+from wasd_navigation.records import Ranges
 from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.se2 import compose
-from wasd_navigation.sensor_node import SensorNode
 
 # Locks of the mux that stop navigation, and the name of its source.
 LOCKS = ('pause_navigation', 'e_stop')
@@ -32,7 +44,7 @@ SOURCE = 'navigation'
 HEARD_WITHIN = 0.5
 
 
-class NavigatorNode(SensorNode):
+class NavigatorNode(Node):
     """
     The face of a robot's navigator: scan, odom and goals in; map, plan, pose and cmd_vel out.
 
@@ -56,7 +68,6 @@ class NavigatorNode(SensorNode):
         )
         settings = declare_parameters(self, NavigatorParameters, self._on_change)
         self.navigation = navigation or RobotNavigator(settings, inform=self._log)
-        self.senses = self.navigation.senses
         self.navigation.configure(settings)
         self.navigation.warn = self._warn
         self._selected: str | None = None  # by the mux; None: there is none
@@ -100,9 +111,13 @@ class NavigatorNode(SensorNode):
         kind = TwistStamped if self.settings.stamped else Twist
         self._velocity = self.create_publisher(kind, 'cmd_vel', RELIABLE)
         self._absence = AbsenceWatch(self, self._on_return)
-        self.listen_to_sensors('scan')
+        self.create_subscription(OdometryMessage, 'odom', self._on_odometry, SENSOR_DATA)
+        self.create_subscription(LaserScan, 'scan', self._on_scan, SENSOR_DATA)
         self.create_subscription(String, 'selected', self._on_selected, LATCHED)
         self._mux_watch = PublisherWatch(self, 'selected', self._on_mux_lost)
+        tf = tf_message_type()
+        if tf is not None:
+            self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
         self.create_timer(1.0 / self.settings.control_frequency, self.step)
 
     def step(self) -> None:
@@ -131,14 +146,37 @@ class NavigatorNode(SensorNode):
         super().destroy_node()
 
     def _publish_velocity(self, velocity: np.ndarray) -> None:
-        frame = self.navigation.base_frame
-        self._velocity.publish(self.to_velocity(velocity, self.settings.stamped, frame))
+        twist = Twist()
+        twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
+        if self.settings.stamped:
+            message = TwistStamped(twist=twist)
+            message.header.stamp = self.get_clock().now().to_msg()
+            message.header.frame_id = self.navigation.base_frame
+            self._velocity.publish(message)
+        else:
+            self._velocity.publish(twist)
 
-    def take_odometry(self, now: float, base: BaseOdometry, frames: tuple[str, str]) -> None:
+    def _on_odometry(self, message: OdometryMessage) -> None:
         """Take odometry of somebody who may not know what stamps are for."""
-        if self.senses.age(now) == 0.0:
+        now = to_seconds(message.header.stamp)
+        if self.navigation.senses.age(now) == 0.0:
             self._warn('odom: the same stamp again: ignored')
-        self.navigation.take_odometry(now, base, frames)
+        frames = message.header.frame_id, message.child_frame_id
+        self.navigation.take_odometry(now, from_odometry(message), frames)
+
+    def _on_scan(self, message: LaserScan) -> None:
+        said = Ranges(*(getattr(message, name) for name in Ranges._fields))
+        now, frame = to_seconds(message.header.stamp), message.header.frame_id
+        self.navigation.take_scan(now, said, frame)
+
+    def _on_fixed_frames(self, message: Any) -> None:
+        for one in message.transforms:
+            try:
+                pose = from_pose(one.transform)
+            except InvalidMessage as error:
+                self._warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
+                continue
+            self.navigation.senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
 
     def _on_goal(self, message: PoseStamped) -> None:
         try:
@@ -232,6 +270,9 @@ class NavigatorNode(SensorNode):
 
     def _log(self, words: str) -> None:
         self.get_logger().info(visible(words))
+
+    def _warn(self, words: str) -> None:
+        self.get_logger().warning(visible(words), throttle_duration_sec=5.0)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -18,8 +18,8 @@ from wasd_core.network import LOOPBACK
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.viewer.drawing import Pace, PageContent, Panels, PictureDetail
 from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.server import serve_page
-from mujoco_sim.viewer.studio import drop_viewer_events, LocalWebViewer, patch_server, port_of
+from mujoco_sim.viewer.server import use_page_server
+from mujoco_sim.viewer.studio import drop_viewer_events, LocalWebViewer, port_of
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
@@ -120,7 +120,7 @@ class WebView:
         self._world = world
         self._page = _Page(camera, world.root, content)
         config = viewer_protocol.ViewerConfig(title='wasd', gfx='web', http_port=port)
-        patch_server(functools.partial(serve_page, self._page.input, self._page.text))
+        use_page_server(self._page.input, self._page.text)
 
         def serve(endpoint: endpoints.ViewerEndpoint) -> None:
             viewer = LocalWebViewer(config, endpoint, self._page)

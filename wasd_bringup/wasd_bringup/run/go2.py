@@ -71,8 +71,7 @@ class Go2(Robot):
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
         super().__init__(options, loaded, world, simulation)
-        settings = LegNodeParameters.from_file(self.given.get('controller', ''))
-        settings = settings.changed(self.given)
+        settings = leg_settings(self.given)
         walker = load_walker(options) or load_policy(settings.policy, settings.policy_config)
         self.legs = Legs(loaded, settings, self.log.info, walker)
         quadruped = self.legs.model.quadruped
@@ -180,11 +179,14 @@ class Go2(Robot):
         """The keys, for the terminal and the page."""
         lines = unitree_help(self.layout)
         if self.legs.controller.has_policy:
-            key = on_layout(POLICY, self.layout)
-            lines = (*lines[:2], f'{key} policy, from the stand', *lines[2:])
+            lines = (*lines[:2], f'{self._policy_key} policy, from the stand', *lines[2:])
         if self.logic is None:
             return lines
         return (*self.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
+
+    @property
+    def _policy_key(self) -> str:
+        return on_layout(POLICY, self.layout)
 
     @property
     def first_keys(self) -> str:
@@ -327,6 +329,10 @@ class Go2(Robot):
         rows = zip(names, command, measured, full, strict=True)
         return tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
 
+    @property
+    def _keys_are_velocities(self) -> bool:
+        return self.options.preset != UNITREE_PRESET
+
     def let_go(self) -> None:
         """Make the legs limp at once; after a key the robot squats first."""
         self.legs.e_stop()
@@ -350,6 +356,16 @@ class Go2(Robot):
             help_key=HELP_KEY,
             name=lambda key: on_layout(key, self.layout),
         )
+
+
+def leg_settings(given: dict[str, Any]) -> LegNodeParameters:
+    """
+    Return the leg controller's parameters: those of a file that is given, and others given.
+
+    Raises:
+        InvalidParameter: what is wrong with one, with its line where a file has it.
+    """
+    return LegNodeParameters.from_file(given.get('controller', '')).changed(given)
 
 
 def _true_scan(world: World) -> np.ndarray:

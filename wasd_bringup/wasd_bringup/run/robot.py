@@ -78,7 +78,7 @@ class Robot(ABC):
         self.log = logging.getLogger(f'wasd.{self.kind.controller}')
         self.logic: KeysToTwist | None = None  # what makes keys velocities, where these drive
         self.own_keys: frozenset[str] = frozenset()  # those that mean something to this robot
-        if options.preset not in self.other_presets:
+        if self._keys_are_velocities:
             keymap = load_preset(options.preset, options.layout, self.other_presets)
             self.logic = KeysToTwist(keymap)
             self.own_keys = frozenset(self.logic.keymap.keys)
@@ -92,7 +92,7 @@ class Robot(ABC):
         self.on_velocity: list[Callable[[FullVelocity], None]] = []
         # What a guard does to the command in force, '' where there is none.
         self.guard_words: Callable[[], str] = lambda: ''
-        self._recorder = Recorder(world, keep=options.samples or options.report is not None)
+        self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
         self._script: TwistPlayer | None = None
 
@@ -380,6 +380,10 @@ class Robot(ABC):
     @abstractmethod
     def _status(self) -> Status:
         """Return the status for the user while no e-stop holds."""
+
+    @property
+    def _keys_are_velocities(self) -> bool:
+        return True
 
     def _press(self, key: str, is_pressed: bool) -> None:
         """Handle a key; one that nobody pressed, as for a lost page, gets no answer."""

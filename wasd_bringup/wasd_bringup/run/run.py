@@ -246,7 +246,7 @@ class Run:
             self.simulation.run(
                 stop=lambda: stop.requested or self._keys_ended() or bool(self.next_words),
                 poll=self._poll,
-                each_second=lambda: self.face.each_second(self.robots),
+                each_second=self._each_second,
                 duration=self.options.duration,
                 may_advance=self._may_advance,
             )
@@ -497,6 +497,9 @@ class Run:
         """Let the keys drive a robot, by its number."""
         while self.switch.active != robot:
             self.press(SWITCH_KEY)
+
+    def _each_second(self) -> None:
+        self.face.each_second(self.robots)
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""

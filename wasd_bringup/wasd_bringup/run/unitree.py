@@ -63,9 +63,7 @@ class UnitreeDriver:
             press=lambda key: robot.press(on_layout(key, robot.layout), SOURCE),
             drive=partial(robot.drive, by=SOURCE),
             release=lambda: robot.release(SOURCE),
-            take_motors=partial(
-                robot.drivers.take, SOURCE, key=MOTORS, what='an SDK program (LowCmd)'
-            ),
+            take_motors=self._take_motors,
             guard=self._switch_guard,
         )
         self._legs = LegsRobot(robot.legs, robot.world, commands)
@@ -118,6 +116,9 @@ class UnitreeDriver:
         if self._guard is not None and not self.robot.options.guard:
             self._guard.unit.tune(guard_parameters_of(self.robot, enabled=is_on))
         return self._guard is not None
+
+    def _take_motors(self) -> bool:
+        return self.robot.drivers.take(SOURCE, key=MOTORS, what='an SDK program (LowCmd)')
 
     def _give_way(self, taken: Take) -> None:
         if taken.source != SOURCE:
