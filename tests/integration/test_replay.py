@@ -169,6 +169,14 @@ def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
     np.testing.assert_array_equal(shown.places[:250], run[1]['samples']['position'])
 
 
+def middle_of_a_chunk(recording: bytes) -> int:
+    """Return where the middle of the first chunk is: indices beside it have no sum."""
+    at = 8  # after the magic; each record is a kind, a length and so many bytes
+    while recording[at] != 6:
+        at += 9 + int.from_bytes(recording[at + 1 : at + 9], 'little')
+    return at + 9 + int.from_bytes(recording[at + 1 : at + 9], 'little') // 2
+
+
 @for_all(
     ('name', 'said'),
     [
@@ -200,7 +208,7 @@ def test_what_is_no_recording_is_said_in_one_line(
     for part, size in parts.items():
         (runner.folder / f'{part}.mcap').write_bytes(whole[:size])
     flipped = bytearray(whole)
-    flipped[len(whole) // 4] ^= 1
+    flipped[middle_of_a_chunk(whole)] ^= 1
     (runner.folder / 'flipped.mcap').write_bytes(flipped)
     (runner.folder / 'torn.mcap').write_bytes(whole[:200] + whole[-200:])
     if name == 'pipe.mcap':
