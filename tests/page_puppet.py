@@ -244,7 +244,7 @@ class PagePuppet:
 def main() -> None:
     """Hold keys on a page until the end."""
     with PagePuppet(sys.argv[1], float(sys.argv[2])) as page:
-        time.sleep(0.5)
+        page.draw()
         page.keys = {code(key) for key in sys.argv[3:]}
         print('holding', flush=True)
         threading.Event().wait()
