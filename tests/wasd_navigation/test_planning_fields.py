@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from wasd_navigation.parameters import Footprint, InvalidFootprint
 from wasd_navigation.planning import FARTHEST, Field, measure_distances
-from wasd_navigation.planning.goal_field import follow, march_from
+from wasd_navigation.planning.goal_field import follow, march_from, Spreading
 
 RESOLUTION = 0.05
 
@@ -73,6 +73,22 @@ def test_one_finds_out_of_where_nobody_may_be_but_not_through() -> None:
     assert (values[20:24] < beyond).all()
     assert (np.diff(values[18:24], axis=0) > 0.0).all()
     assert (values[24:] == beyond).all()
+
+
+def test_what_is_left_is_the_same_in_slices_as_at_once() -> None:
+    random = np.random.default_rng(7)
+    price = np.where(cluttered(), np.inf, random.uniform(1.0, 3.0, (70, 90))).astype(np.float32)
+    price[30:36] = np.inf
+    escape = np.zeros_like(price, bool)
+    escape[30:33] = True
+    whole, beyond = march_from((5, 5), price, escape, RESOLUTION)
+    slices = Spreading((5, 5), price, escape, RESOLUTION)
+    count = 1
+    while not slices.work(500):
+        count += 1
+    assert count >= 30 * 90 // 500  # at least all cells on this side
+    assert (slices.values == whole).all()
+    assert slices.beyond == beyond
 
 
 @for_all('footprint', [Footprint(half_length=0.35, half_width=0.155), Footprint(radius=0.2)])

@@ -20,8 +20,8 @@ from wasd_navigation.planning.surroundings import Surroundings
 _DISC = 3
 # Ways through cells where nobody may stand cost so much more; only who stands there takes them.
 ESCAPE_PRICE = 20.0
-# All cells of a map.
-WHOLE = 1 << 40
+# All cells of a map; and those of which a DiscField looks at in one step: 6 ms.
+WHOLE, CELLS = 1 << 40, 40_000
 # Beyond all that is reached [m].
 _BEYOND = 10.0
 # A way has no more points than this.
@@ -83,10 +83,9 @@ class DiscField:
     """
     The remaining cost to a goal (x, y, yaw) for a round robot.
 
-    `reach` [m] is the least distance of its middle from obstacles.
+    `reach` [m] is the least distance of its middle from obstacles. It is worked out in slices;
+    until it `is_done`, there are no values.
     """
-
-    is_done = True
 
     def __init__(
         self,
@@ -96,9 +95,19 @@ class DiscField:
         border: np.ndarray | None = None,
     ) -> None:
         self._goal, self._around, self._reach, self._border = goal, around, reach, border
+        self._spreading: Spreading | None = None
+        self.is_done = False
 
     def work(self, _: np.ndarray, __: int) -> bool:
-        """Work all values out at once, so that there is a way to lead from."""
+        """Look at up to `CELLS` cells; return whether there is a way to lead from."""
+        if self._spreading is None:
+            self._spreading = self._begin()
+        self.is_done = self._spreading.work(CELLS)
+        if self.is_done:
+            self.beyond = self._spreading.beyond
+        return self.is_done
+
+    def _begin(self) -> 'Spreading':
         around, reach = self._around, self._reach
         distances = around.distances.values[0]
         row, column = map(int, around.map_.to_cells(self._goal[None, :2])[0])
@@ -106,9 +115,10 @@ class DiscField:
         escape = (distances < reach) & (distances > 0.5 * reach)
         price = around.price_of(distances - reach)
         resolution = around.map_.resolution
-        values, self.beyond = march_from((row, column), price, escape, resolution, self._border)
-        self.values = around.field_of(values[None])
-        return True
+        spreading = Spreading((row, column), price, escape, resolution, self._border)
+        # What is around may be another by the time all is known.
+        self.values = around.field_of(spreading.values[None])
+        return spreading
 
     def way_from(self, pose: np.ndarray) -> np.ndarray:
         """Return places and headings (x, y, yaw) on the way from a pose, shape (n, 3)."""
@@ -119,6 +129,51 @@ class DiscField:
         ahead = np.diff(places, axis=0)
         way[:-1, 2] = np.arctan2(ahead[:, 1], ahead[:, 0])
         return way
+
+
+class Spreading:
+    """
+    The values of `march_from`, in slices: `values` and `beyond` are valid once all is known.
+
+    It takes what that takes.
+    """
+
+    def __init__(
+        self,
+        goal: tuple[int, int],
+        price: np.ndarray,
+        escape: np.ndarray,
+        resolution: float,
+        border: np.ndarray | None = None,
+    ) -> None:
+        self.values, self.beyond = np.full(price.shape, np.inf, np.float32), _BEYOND
+        self._price, self._escape, self._resolution = price, escape, resolution
+        self._heap, self._is_escaping = make_heap(4 * price.size + 64), False
+        # There may be room at the goal, but not in the middle of its cell.
+        start_at(self.values, self._heap, price, goal, resolution)
+        if border is not None:
+            start_along(self.values, self._heap, price, border)
+
+    def work(self, budget: int) -> bool:
+        """Look at up to so many cells; return whether all are known."""
+        values, heap = self.values, self._heap
+        budget = _march(values, heap, self._price, self._resolution, -1, budget)
+        if heap.held[0] == 0 and not self._is_escaping:
+            self._is_escaping = True
+            self._begin_escape()
+            budget = _march(values, heap, self._price, self._resolution, -1, budget)
+        if heap.held[0] > 0:
+            return False
+        values[~(values < self.beyond)] = self.beyond
+        return True
+
+    def _begin_escape(self) -> None:
+        """Go on from all that is reached into where one may only come from."""
+        reached = self.values < np.inf
+        self.beyond = _BEYOND + (float(self.values[reached].max()) if reached.any() else 0.0)
+        into = self._escape & ~reached
+        self._price = np.where(into, np.float32(ESCAPE_PRICE), np.float32(np.inf))
+        _begin_at_edge(self.values, self._heap, self._price)
 
 
 def march_from(
@@ -136,23 +191,9 @@ def march_from(
     be, but from which one finds out; what is reached through them only does not count. `border`,
     float32, is what is left from cells beyond which a way goes on, infinite elsewhere.
     """
-    rows, columns = price.shape
-    values = np.full((rows, columns), np.inf, np.float32)
-    heap = make_heap(4 * rows * columns + 64)
-    # There may be room at the goal, but not in the middle of its cell.
-    start_at(values, heap, price, goal, resolution)
-    if border is not None:
-        start_along(values, heap, price, border)
-    _march(values, heap, price, resolution, -1, WHOLE)
-    reached = values < np.inf
-    most = float(values[reached].max()) if reached.any() else 0.0
-    out = np.where(escape & ~reached, np.float32(ESCAPE_PRICE), np.float32(np.inf))
-    heap.held[0] = 0
-    _begin_at_edge(values, heap, out)
-    _march(values, heap, out, resolution, -1, WHOLE)
-    beyond = most + _BEYOND
-    values[~(values < beyond)] = beyond
-    return values, beyond
+    spreading = Spreading(goal, price, escape, resolution, border)
+    spreading.work(WHOLE)
+    return spreading.values, spreading.beyond
 
 
 def shortest(goal: np.ndarray, pose: np.ndarray, around: Surroundings, reach: float) -> float:
@@ -299,14 +340,18 @@ def march(
 @jit
 def _march(
     values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float, until: int, budget: int
-) -> None:
-    """Spread values until that of a cell, by its number, is known; -1: all of them."""
+) -> int:
+    """
+    Spread values until that of a cell, by its number, is known; -1: all of them.
+
+    Look at up to `budget` cells; return how many more it might have been.
+    """
     rows, columns = values.shape
     while heap.held[0] > 0 and budget > 0:
         budget -= 1
         value, cell = pop(heap)
         if cell == until:
-            return
+            break
         row, column = cell // columns, cell % columns
         if value > values[row, column]:
             continue
@@ -318,6 +363,7 @@ def _march(
                 if new < values[row + up, column + right]:
                     values[row + up, column + right] = new
                     push(heap, values[row + up, column + right], cell + up * columns + right)
+    return budget
 
 
 @jit

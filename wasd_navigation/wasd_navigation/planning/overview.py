@@ -18,7 +18,7 @@ from wasd_navigation.records import Grid, UNKNOWN
 # room than this is told apart [m].
 PLACE, TILE, MOST_ROOM = 4, 50, 0.5
 # In one step so many tiles are measured, or so many places looked at: 6 ms.
-TILES, PLACES = 6, 40_000
+TILES, PLACES = 8, 25_000
 _BEYOND = 10.0
 _MOST_POINTS = 4000
 
