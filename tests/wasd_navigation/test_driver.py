@@ -317,7 +317,8 @@ def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way
 
 
 def test_a_blocked_way_is_drawn_as_fast_as_the_first_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('wasd_navigation.planning.route.SLICE', 1000)
+    for name in ('route', 'driver'):
+        monkeypatch.setattr(f'wasd_navigation.planning.{name}.SLICE', 1000)
     robot = legs(room(), (1.0, 2.0, 0.0))
     robot.driver.set_goal(np.array((5.0, 2.0, 0.0)))
     robot.run(DT)  # it is looked whether that is a goal

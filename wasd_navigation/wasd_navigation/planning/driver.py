@@ -10,7 +10,7 @@ import numpy as np
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning.docking import Docking
 from wasd_navigation.planning.motion import base_of, clearance, IN_GAP, PoseFilter
-from wasd_navigation.planning.route import at_once, is_shut_off, no_way, Route
+from wasd_navigation.planning.route import AT_ONCE, is_shut_off, no_way, Route, SLICE
 from wasd_navigation.planning.sampling import is_safe, Sampler, Scene
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import FEWEST, Grid, Scan, UNKNOWN
@@ -342,7 +342,7 @@ class Driver:
         if route.values is None and not route.is_drawing:
             route.draw(self._around)
         if route.is_drawing:
-            route.work(pose, at_once(self._around))
+            route.work(pose, round(AT_ONCE * SLICE))
             if route.is_drawing or not route.is_settled:
                 return False
         elif not route.settle(self._around, pose):

@@ -20,9 +20,8 @@ from wasd_navigation.records import FEWEST
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
 _OFF_WAY, _PASSED = 0.15, 20
 # So much of a field is drawn in one step: 3 ms, or 6 on a slow host; more, by this share, before
-# the robot drives and while its way is blocked. The latter in large maps, of which memory at hand
-# holds less.
-SLICE, AT_ONCE, AT_ONCE_LARGE = 9000, 2.5, 2.0
+# the robot drives and while its way is blocked.
+SLICE, AT_ONCE = 9000, 2.0
 # A way longer than the shortest by this factor is drawn once more, to be short rather than easy;
 # of ways longer than this that is not asked [m]. A short one keeps clear by so much, or by as much
 # as the easy one [m], and is shorter by this factor.
@@ -226,8 +225,8 @@ class Route:
                 self.draw(around)
                 self._is_urgent = is_bad
         # A step that has measured all distances draws no more than it has to.
-        budget = at_once(around) if self.is_drawing and self._is_urgent else SLICE
-        self.work(pose, budget if self._since_drawn > 0.0 else 0)
+        share = AT_ONCE if self.is_drawing and self._is_urgent else 1.0
+        self.work(pose, round(share * SLICE) if self._since_drawn > 0.0 else 0)
         left = self.left(pose)
         if left < math.inf:
             self.lead_from(pose)
@@ -270,11 +269,6 @@ class Route:
     def _clearance(self, around: Surroundings, way: np.ndarray, enough: float) -> float:
         circles = self._footprint.circles
         return float(least_clearance(around.distances, circles, way, enough))
-
-
-def at_once(around: Surroundings) -> int:
-    """Return how much is drawn in one step before the robot drives."""
-    return round((AT_ONCE_LARGE if around.is_windowed else AT_ONCE) * SLICE)
 
 
 def _length(way: np.ndarray) -> float:
