@@ -4,8 +4,11 @@
 from collections.abc import Callable
 import contextlib
 import os
+from pathlib import Path
 import signal
+import subprocess
 import time
+from typing import Any
 
 # How long what must come may take on a busy machine [s]: no test asks how soon by this.
 PATIENCE = 120.0
@@ -13,10 +16,6 @@ PATIENCE = 120.0
 # signal, whatever its terminal does [s].
 ZERO_AFTER = 0.6
 END_AFTER = 1.0
-# Later than so many times its bound is late by itself, however busy the machine; and a little late
-# so many times.
-AT_MOST = 3.0
-TRIES = 4
 
 
 def wait_until(condition: Callable[[], bool], timeout: float = PATIENCE) -> float:
@@ -28,18 +27,59 @@ def wait_until(condition: Callable[[], bool], timeout: float = PATIENCE) -> floa
     return time.monotonic()
 
 
-def assert_soon(take: Callable[[], float], bound: float) -> None:
+class Stopwatch:
     """
-    Assert that something takes no longer than a bound [s]; a little late, it is tried again.
+    Says how long something takes a process and the one that looks, from the making of this on.
 
-    A busy machine is late now and then, what is late by itself each time.
+    Not counted is what they wait for a processor with work at hand: that is the busy machine's.
     """
-    for left in reversed(range(TRIES)):
-        took = take()
-        if not left or not bound < took <= AT_MOST * bound:
-            break
-        print(f'{took:.3f} s, and again')
-    assert took <= bound, f'took {took:.3f} s, at most {bound:.3f} s'
+
+    def __init__(self, pid: int) -> None:
+        self._pids = (pid, os.getpid())
+        self._first = self._look()
+        self._last = dict(self._first)
+        self.began = time.time()
+
+    @property
+    def waited(self) -> float:
+        """How long they have waited for a processor [s]."""
+        self._last |= self._look()
+        nanoseconds = (last - self._first.get(each, 0) for each, last in self._last.items())
+        return 1e-9 * sum(nanoseconds)
+
+    def took(self, until: float) -> float:
+        """Return how long it has taken until a time of `time.time()` [s]."""
+        return until - self.began - self.waited
+
+    def wait_until(self, condition: Callable[[], bool]) -> float:
+        """Wait until a condition holds; return how long that took [s]."""
+
+        def holds() -> bool:
+            self._last |= self._look()  # at threads that end, too
+            return condition()
+
+        wait_until(holds)
+        return self.took(time.time())
+
+    def _look(self) -> dict[str, int]:
+        """Return how long each thread has waited for a processor [ns], by its number."""
+        waited = {}
+        for pid in self._pids:
+            for path in Path(f'/proc/{pid}/task').glob('*/schedstat'):
+                with contextlib.suppress(OSError):  # it has just ended
+                    waited[path.parent.name] = int(path.read_text().split()[1])
+        return waited
+
+
+def end_by(process: 'subprocess.Popen[Any]', number: int) -> None:
+    """Send a signal; check how soon the process ends, and its status."""
+    stopwatch = Stopwatch(process.pid)
+    process.send_signal(number)
+    state = os.WEXITED | os.WNOHANG | os.WNOWAIT
+    took = stopwatch.wait_until(lambda: os.waitid(os.P_PID, process.pid, state) is not None)
+    print(f'{name_of(number)}: {took:.2f} s')
+    assert process.wait() in usual_statuses(number)
+    assert took <= END_AFTER, f'took {took:.3f} s'
 
 
 def fill(slave: int) -> None:

@@ -145,8 +145,8 @@ def test_lint_says_it(row: Row) -> None:
 
 # What a robot drives, by its kind: so far [m] at a speed [m/s], a turn at a rate [rad/s], and how
 # far off it may be, as a share.
-WAY, SPEED, TURN, RATE, OFF = 1.0, 0.35, 2.0 * math.pi, 1.5, 0.01
-REST = 1.0
+WAY, SPEED, TURN, RATE, OFF = 1.0, 0.35, math.pi, 1.5, 0.01
+REST = 0.5
 
 
 def yaw_of(robot: Any) -> float:
@@ -155,7 +155,7 @@ def yaw_of(robot: Any) -> float:
 
 
 def drive_wheels(robot: Any) -> None:
-    """Go 1 m ahead, then turn by 360 degrees on the spot."""
+    """Go 1 m ahead, then turn by 180 degrees on the spot."""
     robot.run(REST)
     start, ahead = robot.truth.position.copy(), yaw_of(robot)
     robot.drive(SPEED)
@@ -167,8 +167,8 @@ def drive_wheels(robot: Any) -> None:
     assert went[:2] == pytest.approx(goal, abs=OFF * WAY)
     robot.drive(0.0, RATE)
     yaws = [yaw_of(robot)]
-    for _ in range(8):  # in parts, in which the angle has but one meaning
-        robot.run(TURN / RATE / 8)
+    for _ in range(4):  # in parts, in which the angle has but one meaning
+        robot.run(TURN / RATE / 4)
         yaws.append(yaw_of(robot))
     robot.drive(0.0)
     robot.run(REST)

@@ -305,13 +305,22 @@ def start(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...,
 
 @pytest.fixture
 def commands(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """Yield a function that returns all cmd_vel messages of the session so far."""
+    """
+    Yield a function that returns all cmd_vel messages of the session so far.
+
+    Its list `sent` has them with the times at which they were sent [s].
+    """
     for name in ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOG_DIR'):
         monkeypatch.setenv(name, environment[name])
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
     node = rclpy.create_node('observer', context=context)
     seen: list[Twist] = []
+    sent: list[tuple[float, Twist]] = []
+
+    def hear(twist: Twist, info: dict[str, int]) -> None:
+        seen.append(twist)
+        sent.append((1e-9 * info['source_timestamp'], twist))
 
     def wait_for_publisher() -> None:
         deadline = time.monotonic() + PATIENCE
@@ -319,7 +328,7 @@ def commands(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> It
             assert time.monotonic() < deadline, 'no publisher of cmd_vel'
             executor.spin_once(timeout_sec=0.1)
 
-    node.create_subscription(Twist, 'cmd_vel', seen.append, 100)
+    node.create_subscription(Twist, 'cmd_vel', hear, 1000)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
 
@@ -331,6 +340,7 @@ def commands(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> It
             executor.spin_once(timeout_sec=0.02)
         return seen
 
+    collect.sent = sent  # type: ignore[attr-defined]
     yield collect
     node.destroy_node()
     context.try_shutdown()

@@ -156,11 +156,17 @@ class Listener:
         self.twists = []
         self.node = rclpy.create_node('listener', context=context)
         self.node.create_subscription(String, 'keys', lambda m: self.keys.append(m.data), 10_000)
-        self.node.create_subscription(twist_type, 'cmd_vel', self.twists.append, 1000)
+        self.moved_at = 0.0  # when the last command to move was sent [s]
+        self.node.create_subscription(twist_type, 'cmd_vel', self._hear, 1000)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
+
+    def _hear(self, message, info):
+        self.twists.append(message)
+        if from_twist(message) != STANDSTILL:
+            self.moved_at = 1e-9 * info['source_timestamp']
 
     @property
     def velocities(self):
@@ -173,20 +179,16 @@ class Listener:
         return self.velocities[-1:] == [STANDSTILL]
 
     def drive(self, process, key=b'i', seconds=0.0):
-        """Hold a key until the robot is told to move, and then so long; return the last press."""
-        last = 0.0
+        """Hold a key until the robot is told to move, and then so long."""
 
         def press():
-            nonlocal last
             process.type(key)
-            last = time.monotonic()
             time.sleep(1 / 30)
             return any(velocity.vx > 0.1 for velocity in self.velocities)
 
         wait_until(press)
         for _ in range(round(30 * seconds)):
             press()
-        return last
 
     def probe(self, process, key='P', sequence=None, names=None):
         """

@@ -7,7 +7,7 @@ import time
 
 import pytest
 from teleop_keyboard.keys_to_twist import STANDSTILL
-from terminals import END_AFTER, name_of, usual_statuses, wait_until
+from terminals import end_by, name_of, wait_until
 from wasd_core.signals import DEADLY
 
 pytestmark = pytest.mark.slow
@@ -21,8 +21,10 @@ ALONE = [
     number for number in ENDING if isinstance(number, signal.Signals) and number != signal.SIGINT
 ]
 # A process for each signal and state takes a while: WASD_TEST_SIGNALS=all has them all.
-SOME = (signal.SIGUSR1, signal.SIGABRT, signal.SIGALRM, signal.SIGQUIT, signal.SIGRTMIN)
-CHOSEN = ALONE if os.environ.get('WASD_TEST_SIGNALS') == 'all' else SOME
+EVERY = os.environ.get('WASD_TEST_SIGNALS') == 'all'
+WHILE_DRIVING = ALONE if EVERY else [signal.SIGQUIT, signal.SIGRTMIN]
+WHILE_IDLE = ALONE if EVERY else [signal.SIGUSR1]
+WHILE_STARTING = [signal.SIGINT, *(ALONE if EVERY else [signal.SIGABRT])]
 
 # A terminal in raw mode and nothing else.
 HOLDER = """
@@ -58,10 +60,7 @@ sys.exit(module.main())
 
 def end(process, number):
     """Send a signal; check how and how soon the process ends, and what is left."""
-    sent = time.monotonic()
-    process.process.send_signal(number)
-    assert process.process.wait(END_AFTER) in usual_statuses(number)
-    print(f'{name_of(number)}: {time.monotonic() - sent:.2f} s')
+    end_by(process.process, number)
     assert process.attributes == process.before
     assert b'Traceback' not in process.output
 
@@ -77,7 +76,7 @@ def test_each_gives_a_raw_terminal_back_and_ends_the_process(pty_process, number
     wait_until(lambda: b'zero' in process.output)
 
 
-@pytest.mark.parametrize('number', CHOSEN, ids=name_of)
+@pytest.mark.parametrize('number', WHILE_DRIVING, ids=name_of)
 def test_each_stops_the_robot_while_it_is_driven(pty_process, listener, number):
     process = pty_process(*TELEOP)
     listener.probe(process)
@@ -89,7 +88,7 @@ def test_each_stops_the_robot_while_it_is_driven(pty_process, listener, number):
     assert process.output.rstrip().endswith(b'\x1b[?1049l')
 
 
-@pytest.mark.parametrize('number', CHOSEN, ids=name_of)
+@pytest.mark.parametrize('number', WHILE_IDLE, ids=name_of)
 def test_each_ends_it_while_it_is_idle(pty_process, listener, number):
     process = pty_process(*TELEOP)
     listener.probe(process)
@@ -98,7 +97,7 @@ def test_each_ends_it_while_it_is_idle(pty_process, listener, number):
     assert set(listener.velocities) <= {STANDSTILL}
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, *CHOSEN], ids=name_of)
+@pytest.mark.parametrize('number', WHILE_STARTING, ids=name_of)
 def test_each_ends_it_while_it_is_stuck_in_its_start(ros_domain, pty_process, number):
     process = pty_process('-c', STUCK)
     process.wait_for(b'STARTING')

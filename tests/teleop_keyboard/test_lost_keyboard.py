@@ -2,7 +2,6 @@
 """A robot whose keyboard is gone stops: in another process, on another host, killed outright."""
 
 import signal
-import time
 
 from cases import for_all
 import pytest
@@ -10,6 +9,7 @@ from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.twist_messages import from_twist
+from terminals import Stopwatch
 
 STEP = 0.01
 KEYS = ('-m', 'teleop_keyboard.key_publisher_node')
@@ -60,7 +60,7 @@ def test_a_killed_keyboard_is_a_zero_within_the_time_out(
     pty_process, stamped_listener, background, preset, key
 ):
     listener, timeout = stamped_listener, 0.5
-    background(
+    driver = background(
         'teleop_keyboard.keys_to_twist_node',
         *f'--ros-args -p preset:={preset} -p stamped:=true -p key_timeout:={timeout}'.split(),
         # No ramp: the zero itself is timed. It may come a period of `ramps`' 20 Hz later.
@@ -71,13 +71,13 @@ def test_a_killed_keyboard_is_a_zero_within_the_time_out(
     listener.drive(process, key)
     listener.twists.clear()
     process.process.send_signal(signal.SIGKILL)
-    killed = time.time()
+    stopwatch = Stopwatch(driver.pid)
     listener.wait_for_twist(lambda velocity: velocity == STANDSTILL)
     first = next(m for m in listener.twists if from_twist(m) == STANDSTILL)
-    after = first.header.stamp.sec + 1e-9 * first.header.stamp.nanosec - killed
-    # A key typed just before may still be on its way: 0.1 s for it, on a busy machine.
-    assert after <= timeout + 1 / 20 + 0.1
-    assert after > 0.0
+    sent = first.header.stamp.sec + 1e-9 * first.header.stamp.nanosec
+    # A key typed just before may still be on its way: 0.1 s for it.
+    assert stopwatch.took(sent) <= timeout + 1 / 20 + 0.1
+    assert sent > stopwatch.began
     listener.settle()
     assert from_twist(listener.twists[-1]) == STANDSTILL
 

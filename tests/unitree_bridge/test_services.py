@@ -43,7 +43,7 @@ def rig():
 @pytest.fixture
 def standing(rig):
     rig.call('sport', STAND_UP)
-    rig.run(3.0)
+    rig.run(2.2)
     return rig
 
 
