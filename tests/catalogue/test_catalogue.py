@@ -146,7 +146,7 @@ def test_lint_says_it(row: Row) -> None:
 # What a robot drives, by its kind: so far [m] at a speed [m/s], a turn at a rate [rad/s], and how
 # far off it may be, as a share.
 WAY, SPEED, TURN, RATE, OFF = 1.0, 0.35, math.pi, 1.5, 0.01
-REST = 0.5
+REST = 1.0
 
 
 def yaw_of(robot: Any) -> float:

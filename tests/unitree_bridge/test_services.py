@@ -324,7 +324,7 @@ def test_a_deskewed_cloud_has_the_floor_level_while_the_robot_trots_and_turns(st
     rig = standing
     rig.wire.unheard.clear()
     rig.call('sport', BALANCE)
-    rig.run(0.5)
+    rig.run(1.3)
     rig.call('sport', MOVE, x=0.6, y=0.0, z=1.0)
     rig.run(0.9)
     said = rig.wire.last(topics.CLOUD_DESKEWED)
