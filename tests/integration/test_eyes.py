@@ -66,10 +66,9 @@ def test_by_sight_it_climbs_stairs_of_15_cm():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', [7001, 7003])
-def test_it_sees_a_gap_that_is_hardly_wider_than_a_foot_before_it_steps_into_it(seed):
-    """Both fell, as points of the rims fill a gap of 12 cm and those of its wall are no ground."""
-    dog = wasd.Go2('gap:0.12', seed=seed, eyes=True)
+def test_it_sees_a_gap_that_is_hardly_wider_than_a_foot_before_it_steps_into_it():
+    """It fell, as points of the rims fill a gap of 12 cm and those of its wall are no ground."""
+    dog = wasd.Go2('gap:0.12', seed=7003, eyes=True)
     dog.press('2')
     dog.run(2.5)
     dog.press('5')

@@ -105,7 +105,7 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
     assert pass_time(run, 2.0)[1] < 0.1
 
 
-@pytest.mark.parametrize(('limp', 'push'), [(0.0, 0.0), (0.5, 120.0), (3.0, 0.0), (3.0, 120.0)])
+@pytest.mark.parametrize(('limp', 'push'), [(0.5, 120.0), (3.0, 120.0)])
 def test_whenever_it_stood_up_on_the_hoist_it_stands_without(run_of, limp, push):
     run = run_of(seed=4)
     if limp:

@@ -36,11 +36,10 @@ class Rig(topic_rig.Rig):
 @pytest.mark.parametrize(
     ('description', 'estimator', 'height', 'frame'),
     [
-        ('go2', 'kalman', 0.335, 'base'),
         ('go2', 'truth', 0.335, 'base'),
         (LAIKAGO, 'kalman', 0.42, 'trunk'),  # other order of joints, no link for the IMU
     ],
-    ids=['go2', 'go2-truth', 'laikago'],
+    ids=['go2-truth', 'laikago'],
 )
 def test_keys_and_cmd_vel_walk_the_simulated_robot_over_topics(
     spawn, spin_until, description, estimator, height, frame

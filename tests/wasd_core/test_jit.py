@@ -137,16 +137,12 @@ def test_nothing_is_written_beside_the_code(kernels):
     assert (kernels.folder / 'cache/wasd').stat().st_mode & 0o777 == 0o700
 
 
-@pytest.mark.parametrize('place', ['told', 'home'])
-def test_a_kernel_knows_them_where_it_is_kept_elsewhere(place, kernels):
+def test_a_kernel_knows_them_where_it_is_kept_in_the_home(kernels):
     kernels.environment.pop('XDG_CACHE_HOME', None)
-    if place == 'told':
-        kernels.environment['NUMBA_CACHE_DIR'] = str(kernels.folder / 'cache')
-    else:
-        kernels.environment['HOME'] = str(kernels.folder / 'home')
+    kernels.environment['HOME'] = str(kernels.folder / 'home')
     assert kernels.use() == '1'
     assert len(kernels.kept()) == 2
-    assert (kernels.folder / ('cache' if place == 'told' else 'home/.cache/wasd')).is_dir()
+    assert (kernels.folder / 'home/.cache/wasd').is_dir()
     kernels.set_size(22)
     assert kernels.use() == '22'
     assert kernels.use() == '22 1'
