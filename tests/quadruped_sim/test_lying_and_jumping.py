@@ -11,7 +11,7 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from quadruped_sim.states.jump import EXTENDED, highest
-from quadruped_sim.states.lying import rolling_poses, ROLLS, stretched, TRIES_MAX
+from quadruped_sim.states.lying import rolling_poses, ROLLS, stretched, swung_out, TRIES_MAX
 from quadruped_sim.tuning import JumpParameters
 from robot_description.description import load_robot
 from robot_description.morphology.quadruped import FOLDED, similar_pose
@@ -131,7 +131,9 @@ def test_key_2_folds_first_a_thigh_that_lies_far_from_its_fold(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('hooked', [(0, 2.6, 2.5, 0.4), (1, -2.6, 2.9, -0.6)])
+@pytest.mark.parametrize(
+    'hooked', [(0, 2.6, 2.5, 0.4), (1, -2.6, 2.9, -0.6), (1, -2.86, 8.8, 2.11)]
+)
 def test_a_leg_that_is_hooked_to_the_trunk_frees_itself(hooked):
     """ANYmal's hips turn all round: its knee hangs behind the trunk's edge, on the wrong side."""
     leg, *angles = hooked
@@ -154,6 +156,22 @@ def test_a_hooked_leg_stretches_off_the_trunk_upside_down():
     np.testing.assert_array_equal(pose[1:3], np.full((2, 3), 0.1))
     np.testing.assert_allclose(pose[0], [np.pi, -np.pi / 2, 0.0])
     np.testing.assert_allclose(pose[3], [np.pi, np.pi / 2, 0.0])
+
+
+@pytest.mark.parametrize('turns', [0, 1])
+def test_a_leg_that_stays_hooked_swings_out_on_the_side_away_from_the_trunk(turns):
+    back, on = (2.6, 0.3, 0.4), (2.6, 2.8, 0.4)
+    right = np.array([-1.0, 1.0, 1.0])
+    position = np.concatenate([back, back * right, on, on * right])
+    position[::3] += 2.0 * np.pi * turns
+    chosen = np.array([True, False, True, False])
+    pose = swung_out(np.full(12, 0.1), position, chosen).reshape(4, 3)
+    np.testing.assert_allclose(pose[0], [2.0 * np.pi * turns, 0.3, 0.4], atol=1e-12)
+    np.testing.assert_allclose(pose[2], [2.0 * np.pi * (turns + 1), 2.8, 0.4])
+    np.testing.assert_array_equal(pose[[1, 3]], np.full((2, 3), 0.1))
+    pose = swung_out(np.full(12, 0.1), position, ~chosen).reshape(4, 3)
+    np.testing.assert_allclose(pose[1], [2.0 * np.pi * turns, 0.3, 0.4], atol=1e-12)
+    np.testing.assert_allclose(pose[3], [2.0 * np.pi * (turns - 1), 2.8, 0.4])
 
 
 @pytest.mark.slow

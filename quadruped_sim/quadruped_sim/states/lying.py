@@ -72,8 +72,8 @@ _NEAR, _AT_REST, _SETTLED, _FOLD_TIME_MAX = 0.35, 1.0, 0.1, 1.2
 _UPRIGHT, _TIPPED = 0.8, 0.6
 # Sine of the roll from which on it lies on that side; less is on its back.
 _ON_SIDE = 0.4
-# A hip turned so far [rad] has hooked its leg to the trunk. A stage of freeing it takes so long.
-_HOOKED, _FREE_TIME = 0.5 * math.pi, 1.0
+# A stage of freeing a leg takes so long [s].
+_FREE_TIME = 1.0
 # Joints that reach the poses but for so much may roll a robot over [rad].
 _SHORT = 0.8
 # So often it is tried.
@@ -88,9 +88,14 @@ class Stage(Enum):
     FOLD = auto()
     STRETCH = auto()
     TURN_UPRIGHT = auto()
+    SWING_OUT = auto()
     FIRST_POSE = auto()
     SECOND_POSE = auto()
     STAND = auto()
+
+
+# By which it frees legs.
+_FREEING = (Stage.STRETCH, Stage.TURN_UPRIGHT, Stage.SWING_OUT)
 
 
 class GetUp(State):
@@ -98,7 +103,8 @@ class GetUp(State):
     From any pose to a stand: folds its legs, rolls until it is upright, stands up.
 
     Where hips turn all round, a leg may be hooked to the trunk, its knee on the wrong side. Such
-    legs stretch away from the trunk, forward or backward, and turn on; by turns with rolling.
+    legs do not fold, as that pulls them tight: they stretch away from the trunk, forward or
+    backward, and turn on. What stays hooked swings out around its hip. By turns with rolling.
 
     It looks at joint positions and at which way is up, alone [cf. Cheetah-Software's recovery
     stand]. What did not bring a robot off its back is repeated to the other side.
@@ -113,6 +119,7 @@ class GetUp(State):
         self._target = self._start = self._folded
         self._rested = 0.0
         self._freed, self._was_freed = self._folded, False
+        self._position = self._folded
 
     @property
     def is_lying(self) -> bool:
@@ -142,7 +149,7 @@ class GetUp(State):
     def enter(self, robot: RobotState) -> None:
         """Fold, from wherever the joints are."""
         self._parts.locomotion.gait.reset()
-        self._target = robot.joint_position.copy()
+        self._target = self._position = robot.joint_position.copy()
         self._side = self._rolls = self._tips = 0  # none yet
         self._was_freed = False
         self._begin(Stage.FOLD)
@@ -162,7 +169,7 @@ class GetUp(State):
             if up[2] < _TIPPED:
                 self._tips += 1
                 self._begin(Stage.FOLD)
-        elif self._stage in (Stage.STRETCH, Stage.TURN_UPRIGHT):
+        elif self._stage in _FREEING:
             if self._time > _FREE_TIME:
                 self._go_on_freeing(robot.joint_position)
         elif self._time > ROLLS[self._roll].times[self._stage is Stage.SECOND_POSE]:
@@ -184,11 +191,17 @@ class GetUp(State):
         self._start = self._target.copy()
 
     def _go_on_freeing(self, position: np.ndarray) -> None:
-        """Turn the hips of stretched legs upright, or fold; targets count no whole turns."""
-        was_stretching = self._stage is Stage.STRETCH
-        self._target = position.copy()
-        self._begin(Stage.TURN_UPRIGHT if was_stretching else Stage.FOLD)
-        self._freed = np.where(np.arange(12) % 3 == 0, self._folded, self._freed)
+        """Turn the hips of stretched legs upright, swing out those still hooked, and fold."""
+        self._target, is_hooked = position.copy(), hooked(position)
+        if self._stage is Stage.STRETCH:
+            upright = np.where(np.arange(12) % 3 == 0, self._folded, self._freed)
+            self._freed = nearest(upright, position)
+            self._begin(Stage.TURN_UPRIGHT)
+        elif self._stage is Stage.TURN_UPRIGHT and is_hooked.any():
+            self._freed = swung_out(self._folded, position, is_hooked)
+            self._begin(Stage.SWING_OUT)
+        else:
+            self._begin(Stage.FOLD)
 
     def _leave_fold(self, position: np.ndarray, up: np.ndarray, is_folded: bool) -> None:
         """
@@ -199,10 +212,10 @@ class GetUp(State):
         if up[2] > _UPRIGHT and is_folded:
             self._begin(Stage.STAND)
             return
-        is_hooked = np.abs(position[::3]) > _HOOKED
+        is_hooked = hooked(position)
         self._was_freed = bool(is_hooked.any()) and not self._was_freed
         if self._was_freed:
-            self._freed = stretched(self._folded, position, is_hooked)
+            self._freed = nearest(stretched(self._folded, position, is_hooked), self._target)
             self._begin(Stage.STRETCH)
             return
         if self._side == 0 or abs(float(up[1])) > _ON_SIDE:
@@ -215,18 +228,21 @@ class GetUp(State):
     def _move(self, robot: RobotState, dt: float) -> JointCommand:
         """Lead the joints to this stage's pose, with no more torque than the motors have."""
         goal = self._folded
-        if self._stage in (Stage.STRETCH, Stage.TURN_UPRIGHT):
+        # A reading leaves whole turns out: where it jumps, so does what is aimed at.
+        jump = math.tau * np.round((robot.joint_position - self._position) / math.tau)
+        self._position = robot.joint_position.copy()
+        self._target, self._freed = self._target + jump, self._freed + jump
+        if self._stage in _FREEING:
             goal = self._freed
-        elif self._stage is not Stage.FOLD:
+        elif self._stage is Stage.FOLD:
+            # Folding would pull a hooked leg tight.
+            goal = np.where(np.repeat(hooked(robot.joint_position), 3), self._target, goal)
+        else:
             goal = self._rolling[self._side][self._roll][self._stage is Stage.SECOND_POSE]
         model, scale = self._parts.model, self._parts.model.scale
         most = np.full(12, _RATE * scale.of('rad/s') * dt)
-        if self._was_freed:
-            goal = goal - _turns(goal - self._target)
         self._target = approach(self._target, goal, most)
         off = self._target - robot.joint_position
-        if self._was_freed:
-            off = off - _turns(off)
         kp, kd = _KP * scale.of('N m/rad'), _KD * scale.of('N m s/rad')
         damping, limit = kd * robot.joint_velocity, model.limits.effort
         torque = kp * off
@@ -249,10 +265,32 @@ def stretched(folded: np.ndarray, position: np.ndarray, chosen: np.ndarray) -> n
     return pose.ravel()
 
 
-def _turns(angles: np.ndarray) -> np.ndarray:
-    """Return how much of angles [rad] is whole turns."""
-    whole: np.ndarray = math.tau * np.round(angles / math.tau)
-    return whole
+def nearest(goal: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Return leg angles (12,), each whole turns off so that it is nearest to `near`."""
+    turned: np.ndarray = goal - math.tau * np.round((goal - near) / math.tau)
+    return turned
+
+
+def hooked(position: np.ndarray) -> np.ndarray:
+    """Which legs (4,) at these leg angles (12,) have their hips upside down."""
+    is_hooked: np.ndarray = np.cos(position[::3]) < 0.0
+    return is_hooked
+
+
+def swung_out(folded: np.ndarray, position: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """
+    Return leg angles (12,): folded, but chosen legs (4,) keep their pose and turn hips upright.
+
+    Seen along the trunk, half a turn of a hip leads its leg through the trunk: that way it is not.
+    """
+    pose = folded.reshape(4, 3).copy()
+    for leg in np.flatnonzero(chosen):
+        hip, thigh, calf = position[3 * leg : 3 * leg + 3]
+        turned = math.remainder(hip, math.tau)
+        is_outside = LEFT[leg] * turned * math.cos(thigh) > 0.0
+        on = 0.0 if is_outside else math.copysign(math.tau, turned)
+        pose[leg] = hip - turned + on, thigh, calf
+    return pose.ravel()
 
 
 def rolling_poses(model: RobotModel, roll: Roll, side: int) -> tuple[np.ndarray, ...]:
