@@ -56,7 +56,7 @@ def test_a_gait_follows_its_full_stick_and_changes_at_full_speed(limits: str, co
         seen.append(dog.full_stick)
     assert len(set(seen)) == count
     dog.drive(0.0)
-    dog.run(2.0)
+    dog.run(4.0)  # it slows down by 1 m/s^2, from up to 2.5 m/s ahead
     assert np.abs(dog.truth.planar_velocity).max() < 0.02
 
 
