@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is measured is measured alone: no part of the benchmark, no run beside it, is heard."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import contextlib
 import os
 from pathlib import Path
 import subprocess
 import sys
-import time
 from typing import Any
 import uuid
 
 import pytest
-from terminals import PATIENCE
+from terminals import PATIENCE, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -74,13 +73,6 @@ def test_nothing_is_left_of_a_benchmark_that_was_killed(tmp_path: Path) -> None:
     bench.kill()
     bench.wait()
     wait_until(lambda: not commands(mark))
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, f'waited {PATIENCE} s in vain'
-        time.sleep(0.05)
 
 
 @pytest.fixture(scope='module')

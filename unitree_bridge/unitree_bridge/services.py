@@ -58,7 +58,6 @@ class Sport:
         self, motion: Motion, robot: LegsRobot, low: LowLevel, avoid: 'ObstaclesAvoid', say: Say
     ) -> None:
         self._motion, self._robot, self._low, self._say = motion, robot, low, say
-        self._avoid = avoid
         self.follows_remote = True
         self._recovers = True
         self._handlers: dict[int, Handler] = {

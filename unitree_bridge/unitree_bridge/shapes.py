@@ -10,7 +10,7 @@ unitree_ros2 lacks it, and an SDK program drops every sample without.
 from typing import NamedTuple, Union
 
 U8, U16, U32, U64 = 'u1', 'u2', 'u4', 'u8'
-I8, I16, I32, I64 = 'i1', 'i2', 'i4', 'i8'
+I16, I32, I64 = 'i2', 'i4', 'i8'
 F32, F64 = 'f4', 'f8'
 FLAG, TEXT = 'flag', 'text'
 

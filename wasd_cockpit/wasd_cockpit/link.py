@@ -121,11 +121,10 @@ class Setting(NamedTuple):
 
 
 class KeyCap(NamedTuple):
-    """A key by its name as on `keys`, and what it does; `is_direction` where it drives."""
+    """A key by its name as on `keys`, and what it does."""
 
     key: str
     does: str
-    is_direction: bool = False
 
 
 class Stick(NamedTuple):

@@ -11,7 +11,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
-from wasd_core.errors import InvalidMessage
 from wasd_core.messages import from_odometry, to_seconds
 from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
@@ -21,9 +20,9 @@ from wasd_core.topics import LATCHED, RELIABLE, SENSOR_DATA, tf_message_type, TF
 
 from wasd_navigation.guard import Guard, warm_up
 from wasd_navigation.guard_parameters import guard, GuardNodeParameters
-from wasd_navigation.messages import from_pose
+from wasd_navigation.messages import take_fixed_frames, take_scan, to_velocity
 from wasd_navigation.odometry import Odometry
-from wasd_navigation.records import Ranges, Scan
+from wasd_navigation.records import Scan
 from wasd_navigation.senses import Senses
 
 # A command is looked at again so often [s] while it is in force: no longer than this without
@@ -108,15 +107,8 @@ class GuardNode(Node):
         self._publish(velocity)
 
     def _publish(self, velocity: np.ndarray) -> None:
-        twist = Twist()
-        twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
-        if self._is_stamped:
-            message = TwistStamped(twist=twist)
-            message.header.stamp = self.get_clock().now().to_msg()
-            message.header.frame_id = self._base_frame
-            self._out.publish(message)
-        else:
-            self._out.publish(twist)
+        stamp = self.get_clock().now().to_msg() if self._is_stamped else None
+        self._out.publish(to_velocity(velocity, stamp, self._base_frame))
 
     def _on_odometry(self, message: OdometryMessage) -> None:
         now = to_seconds(message.header.stamp)
@@ -127,21 +119,13 @@ class GuardNode(Node):
             self.senses.add_odometry(now, odometry)
 
     def _on_scan(self, message: LaserScan) -> None:
-        said = Ranges(*(getattr(message, name) for name in Ranges._fields))
-        now, frame = to_seconds(message.header.stamp), message.header.frame_id
-        self.senses.take_scan(now, said, frame)
+        take_scan(message, self.senses)
 
     def _see(self, scan: Scan, odometry: Odometry, age: float, _: float) -> None:
         self.guard.see(scan, odometry, age)
 
     def _on_fixed_frames(self, message: Any) -> None:
-        for one in message.transforms:
-            try:
-                pose = from_pose(one.transform)
-            except InvalidMessage as error:
-                self._warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
-                continue
-            self.senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
+        take_fixed_frames(message, self.senses)
 
     def _on_change(self, changed: GuardNodeParameters) -> None:
         self.guard.tune(changed)

@@ -6,18 +6,27 @@ import math
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import (
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Twist,
+    TwistStamped,
+)
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 import numpy as np
 from rclpy.node import Node
-from wasd_core.messages import to_stamp
+from sensor_msgs.msg import LaserScan
+from wasd_core.errors import InvalidMessage
+from wasd_core.messages import to_seconds, to_stamp
 from wasd_core.rotations import Pose
 from wasd_core.topics import has_listener, has_subscriber, LATCHED, RELIABLE, TfBroadcaster
 
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import Odometry, PLANAR, read_pose
-from wasd_navigation.records import Grid
+from wasd_navigation.records import Grid, Ranges
 from wasd_navigation.se2 import compose
+from wasd_navigation.senses import Senses
 
 # Maps are published so often at most [s].
 MAP_PERIOD = 1.0
@@ -35,6 +44,34 @@ def from_pose(pose: Any) -> Pose:
     p = getattr(pose, 'position', None) or pose.translation
     q = getattr(pose, 'orientation', None) or pose.rotation
     return read_pose(np.array((p.x, p.y, p.z)), np.array((q.w, q.x, q.y, q.z)))
+
+
+def take_scan(message: LaserScan, senses: Senses) -> None:
+    """Tell senses a scan."""
+    said = Ranges(*(getattr(message, name) for name in Ranges._fields))
+    senses.take_scan(to_seconds(message.header.stamp), said, message.header.frame_id)
+
+
+def take_fixed_frames(message: Any, senses: Senses) -> None:
+    """Tell senses where frames of /tf_static are, and of the others that they are ignored."""
+    for one in message.transforms:
+        try:
+            pose = from_pose(one.transform)
+        except InvalidMessage as error:
+            senses.warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
+            continue
+        senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
+
+
+def to_velocity(velocity: np.ndarray, stamp: Time | None, frame: str) -> Twist | TwistStamped:
+    """Return a velocity, shape (3,), of the base's frame; without a stamp a plain Twist."""
+    twist = Twist()
+    twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
+    if stamp is None:
+        return twist
+    message = TwistStamped(twist=twist)
+    message.header.stamp, message.header.frame_id = stamp, frame
+    return message
 
 
 def to_pose(planar: np.ndarray, message: Any) -> Any:

@@ -29,11 +29,16 @@ from wasd_core.topics import (
 )
 
 from wasd_navigation.actions import FollowWaypoints, NavigateToPose
-from wasd_navigation.messages import from_pose, NavigationPublisher
+from wasd_navigation.messages import (
+    from_pose,
+    NavigationPublisher,
+    take_fixed_frames,
+    take_scan,
+    to_velocity,
+)
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import read_covariance, to_planar
 from wasd_navigation.parameters import navigator, NavigatorParameters
-from wasd_navigation.records import Ranges
 from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.se2 import compose
 
@@ -146,15 +151,8 @@ class NavigatorNode(Node):
         super().destroy_node()
 
     def _publish_velocity(self, velocity: np.ndarray) -> None:
-        twist = Twist()
-        twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
-        if self.settings.stamped:
-            message = TwistStamped(twist=twist)
-            message.header.stamp = self.get_clock().now().to_msg()
-            message.header.frame_id = self.navigation.base_frame
-            self._velocity.publish(message)
-        else:
-            self._velocity.publish(twist)
+        stamp = self.get_clock().now().to_msg() if self.settings.stamped else None
+        self._velocity.publish(to_velocity(velocity, stamp, self.navigation.base_frame))
 
     def _on_odometry(self, message: OdometryMessage) -> None:
         """Take odometry of somebody who may not know what stamps are for."""
@@ -165,18 +163,10 @@ class NavigatorNode(Node):
         self.navigation.take_odometry(now, from_odometry(message), frames)
 
     def _on_scan(self, message: LaserScan) -> None:
-        said = Ranges(*(getattr(message, name) for name in Ranges._fields))
-        now, frame = to_seconds(message.header.stamp), message.header.frame_id
-        self.navigation.take_scan(now, said, frame)
+        take_scan(message, self.navigation.senses)
 
     def _on_fixed_frames(self, message: Any) -> None:
-        for one in message.transforms:
-            try:
-                pose = from_pose(one.transform)
-            except InvalidMessage as error:
-                self._warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
-                continue
-            self.navigation.senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
+        take_fixed_frames(message, self.navigation.senses)
 
     def _on_goal(self, message: PoseStamped) -> None:
         try:

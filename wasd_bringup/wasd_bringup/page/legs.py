@@ -70,7 +70,7 @@ class LegsView(RobotView):
         if self._robot.logic is not None:
             return states
         sticks = tuple(
-            KeyCap(self._named(key), f'stick {axis} {direction:+d}', is_direction=True)
+            KeyCap(self._named(key), f'stick {axis} {direction:+d}')
             for key, (axis, direction) in STICK_KEYS.items()
         )
         gaits = tuple(

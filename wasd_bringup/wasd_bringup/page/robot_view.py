@@ -97,7 +97,7 @@ class RobotView:
 def keymap_caps(keymap: Keymap) -> tuple[KeyCap, ...]:
     """Return the keys of a keymap and what each does."""
     return (
-        *(KeyCap(key, direction_words(way), True) for key, way in keymap.motion.items()),
+        *(KeyCap(key, direction_words(way)) for key, way in keymap.motion.items()),
         *(KeyCap(key, 'stop at once') for key in sorted(keymap.stop_keys)),
         *(KeyCap(key, factor_words(way)) for key, way in keymap.speed_keys.items()),
     )

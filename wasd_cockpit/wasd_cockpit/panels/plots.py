@@ -20,7 +20,7 @@ _FLAGS = sum(
     for name in ('NoMenus', 'NoBoxSelect', 'NoMouseText', 'NoTitle', 'NoInputs', 'NoLegend')
 )
 _X, _Y = int(implot.Axis.X1.value), int(implot.Axis.Y1.value)
-_ALWAYS, _ONCE = int(implot.Cond.Always.value), int(implot.Cond.Once.value)
+_ALWAYS = int(implot.Cond.Always.value)
 _NO_LABELS = int(implot.AxisFlags.NoTickLabels.value)
 _BACKGROUND = (
     (int(implot.Col.FrameBg.value), style.colour(style.PANEL, 0.0)),

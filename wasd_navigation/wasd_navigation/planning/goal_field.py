@@ -20,7 +20,7 @@ from wasd_navigation.planning.surroundings import Surroundings
 _DISC = 3
 # Ways through cells where nobody may stand cost so much more; only who stands there takes them.
 ESCAPE_PRICE = 20.0
-# All cells of a map; and those of which a DiscField looks at in one step: 6 ms.
+# All cells of a map; as many as a DiscField looks at in one step: 6 ms, 12 on a slow host.
 WHOLE, CELLS = 1 << 40, 40_000
 # Beyond all that is reached [m].
 _BEYOND = 10.0
@@ -83,8 +83,8 @@ class DiscField:
     """
     The remaining cost to a goal (x, y, yaw) for a round robot.
 
-    `reach` [m] is the least distance of its middle from obstacles. It is worked out in slices;
-    until it `is_done`, there are no values.
+    `reach` [m] is the least distance of its middle from obstacles. It is worked out in slices:
+    `values` and `beyond` are valid once it `is_done`.
     """
 
     def __init__(

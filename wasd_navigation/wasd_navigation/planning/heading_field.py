@@ -291,7 +291,6 @@ class HeadingField:
         taste: Taste = EASY,
         border: np.ndarray | None = None,
     ) -> None:
-        self._border = None if border is None else border[::COARSE, ::COARSE]
         is_unseen = around.is_unseen[::COARSE, ::COARSE]
         comfort, lack, unseen = around.prices
         terrain = Terrain(
