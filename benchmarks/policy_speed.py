@@ -102,7 +102,7 @@ def environment_row(steps: int) -> Row:
         rates[name] = steps / (time.perf_counter() - begun)
     env.close()
     return Row(
-        what='wasd/Go2-v0: steps a second on one core, standing, random actions',
+        what='wasd/Go2-v0, physics of 2 ms: steps a second on one core, standing, random',
         measured=', '.join(f'{rate:.0f}' for rate in rates.values()),
         must=f'standing >= {LEAST_STEPS:g}',
         passed=rates['standing'] >= LEAST_STEPS,

@@ -12,7 +12,7 @@ import numpy as np
 from robot_description.description import Description
 from robot_description.mujoco.builder import holding
 from wasd_core.errors import one_line, SimulationError
-from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
+from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading, TIME_STEP
 
 from mujoco_sim.boxes import add_boxes, MovingBoxes
 from mujoco_sim.noise import NoisySensors
@@ -626,11 +626,13 @@ def build_world(
     setup: RobotSetup | None = None,
     visuals: bool = False,
     boxes: Sequence[BoxSize] = (),
+    time_step: float = TIME_STEP,
 ) -> World:
     """
     Put a robot into a world; with `visuals`, its meshes are there to be drawn.
 
-    `boxes` are the sizes of those that `World.boxes` puts into its way.
+    `boxes` are the sizes of those that `World.boxes` puts into its way; `time_step` [s] is that
+    of physics.
 
     Raises:
         DescriptionError: MuJoCo cannot read the robot.
@@ -639,6 +641,7 @@ def build_world(
     setup = setup or RobotSetup()
     spec = robot_spec(loaded, setup, visuals)
     add_scene(spec, world, seed)
+    spec.option.timestep = time_step
     # One robot is one island: to look for others takes 5 % of a step.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     add_boxes(spec, boxes)

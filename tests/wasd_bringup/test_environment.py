@@ -111,6 +111,31 @@ def test_the_true_heights_ahead_of_stairs_follow_what_else_is_shown():
 def test_a_wrong_argument_is_said_in_a_line():
     with pytest.raises(UserError, match='render_mode'):
         gymnasium.make(NAME, render_mode='ansi', disable_env_checker=True)
+    with pytest.raises(UserError, match=r'physics_step: got 0.003, wanted 0.001 or 0.002'):
+        gymnasium.make(NAME, physics_step=0.003, disable_env_checker=True)
+
+
+def trot(time: float) -> np.ndarray:
+    """Return an action of an open-loop trot at 2.5 Hz, which turns a little and goes on."""
+    phase = 2.0 * np.pi * (2.5 * time + np.array((0.0, 0.5, 0.5, 0.0)))
+    lift = np.maximum(np.sin(phase), 0.0)
+    return np.stack((0.1 * np.cos(phase), 0.35 * np.cos(phase), -0.7 * lift), axis=1).ravel()
+
+
+def test_a_long_physics_step_moves_the_robot_as_a_short_one():
+    ends = []
+    for physics_step in (0.001, 0.002):
+        env = gymnasium.make(NAME, physics_step=physics_step, noise=False)
+        assert env.unwrapped._world.time_step == physics_step
+        _, info = env.reset(seed=1)
+        started = info['truth'].position
+        for step in range(250):
+            *_, info = env.step(trot(step * SPEC.period))
+        ends.append(info['truth'])
+        assert np.linalg.norm(info['truth'].position - started) > 0.1
+    short, long = ends
+    np.testing.assert_allclose(long.position, short.position, atol=0.03)
+    assert abs(long.rpy - short.rpy).max() < 0.05
 
 
 def test_a_network_of_the_environment_is_written_and_read_as_it_was_trained(tmp_path):

@@ -63,6 +63,8 @@ ACTION: Any = tuple[(float,) * 12]  # type: ignore[misc]
 WITH_HEIGHTS = replace(SPEC, terms=(*SPEC.terms, Term(name='height_scan', clip=(-1.0, 1.0))))
 # The base above the floor as it begins, and so low it has fallen [m].
 START_HEIGHT, LOW = 0.29, 0.14
+# Physics may step by so much [s]: commands are late by a whole number of either.
+PHYSICS_STEPS = (0.001, 0.002)
 # Episodes end after so many steps: 20 s.
 LONGEST = 1000
 # How sharply the reward falls with an error of velocity [m^2/s^2], and its other weights.
@@ -86,7 +88,8 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
     With `heights` the observation ends with the true heights around it, as `WITH_HEIGHTS` says.
     `world` is as in `wasd.Go2`. `randomise` from 0 to 1 is how much each episode's robot differs
     at random. `noise` False makes sensors tell the truth. `command` (3,) holds in every episode;
-    without one it is drawn.
+    without one it is drawn. `physics_step` [s] is 0.001, as in `wasd.Go2`, or 0.002, which takes
+    half the time.
 
     Raises:
         UserError: what is wrong with an argument, in one line.
@@ -103,12 +106,17 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         noise: bool = True,
         heights: bool = False,
         command: Command | None = None,
+        physics_step: float = 0.002,
         render_mode: str | None = None,
     ) -> None:
+        if physics_step not in PHYSICS_STEPS:
+            wanted = ' or '.join(map(str, PHYSICS_STEPS))
+            raise UserError(f'physics_step: got {physics_step!r}, wanted {wanted}')
         if render_mode not in (None, 'rgb_array'):
             raise UserError(f'render_mode: got {render_mode!r}, wanted rgb_array or None')
         self.render_mode = render_mode
         self._world_name, self._noise, self._level = world, noise, randomise
+        self._physics_step = physics_step
         self._given = None if command is None else np.array(command, float)
         self._loaded: Description = load_robot('go2')
         self.policy = WITH_HEIGHTS if heights else SPEC
@@ -191,7 +199,13 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         untold = Untold(randomise=self._level)
         setup = draw(usual_setup(self._loaded, self._noise, untold), seed, self._loaded)
         visuals = self.render_mode is not None
-        self._world = build_world(self._loaded, self._world_name, 0, _standing(setup), visuals)
+        self._world = build_world(
+            self._loaded,
+            self._world_name,
+            setup=_standing(setup),
+            visuals=visuals,
+            time_step=self._physics_step,
+        )
         self._take(self._world)
 
     def _take(self, world: World) -> None:
