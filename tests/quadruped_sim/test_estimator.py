@@ -239,6 +239,7 @@ def test_a_blow_that_no_leg_can_give_is_a_throw(model, acceleration, is_thrown):
     for _ in range(round(0.1 / DT)):
         follow(estimator, blow, motion, np.zeros(4))
     assert (estimator._estimate.calm[0] < 0.0) == is_thrown
+    assert (estimator._estimate.shaken[0] > 0.0) == is_thrown
     mean = acceleration * (1.0 - (1.0 - DT / 0.1) ** round(0.1 / DT))
     assert np.hypot(*estimator._estimate.struck) == pytest.approx(mean, rel=0.01)
 
@@ -251,11 +252,13 @@ def test_a_robot_faster_than_legs_drive_it_is_thrown(model, speed, is_thrown):
     assert (estimator._estimate.calm[0] < 0.0) == is_thrown
 
 
-def test_skidding_feet_are_drawn_to_the_level_of_before_as_on_a_floor(model):
-    """However rough the ground then feels."""
+@pytest.mark.parametrize('since', [0.1, 1.5])
+def test_after_a_blow_feet_are_drawn_to_the_level_of_before_as_on_a_floor(model, since):
+    """However rough the ground then feels, also when it skids no more."""
     estimator = walked(model, (1.02, 1.0), 2.0, rough=1.0, step_time=NEVER)
     creeping = estimator.feet[:, 2].mean() - model.geometry.foot_radius - 1.0
-    estimator._estimate.calm[0] = -1.0
+    estimator._estimate.shaken[0] = 4.0 - since
+    estimator._estimate.calm[0] = since - 1.0
     rough = Footing(np.ones(4), UP, PLANE, True, False, 1.0)
     level = estimator.level
     anchor(estimator, rough, 20)

@@ -36,8 +36,9 @@ _SLOWER, _ROUGH, _SHARP = 60.0, 0.7, 6
 # it [m/s^2], [m/s]: a blow is a mean of so long [s].
 _UPRIGHT, _BLOW, _FASTEST, _STRUCK = 0.9, 18.0, 4.0, 0.1
 # For so long after that the ground's level is that of before, so much longer while it may skid,
-# and feet are to stand far off it until it is theirs [s].
-_HELD, _SKID, _STAY = 1.0, 1.0, 0.5
+# and feet are to stand far off it until it is theirs [s]. For so long after a blow what feels
+# rough is how it skids, and what is remembered of that [s].
+_HELD, _SKID, _STAY, _SHAKEN = 1.0, 1.0, 0.5, 4.0
 
 
 class ImuSample(NamedTuple):
@@ -77,7 +78,7 @@ class Gaussian(NamedTuple):
     `level` (1,) how high the ground is that the robot is on [m], above that at the start, and
     `strayed` (1,) for how long its feet have stood far off that, and `calm` (1,) since when it has
     not been thrown [s], below 0 while it may skid. `struck` (2,) is the mean of its acceleration
-    of late, world x and y.
+    of late, world x and y, and `shaken` (1,) for how long the ground's roughness is not known [s].
     Until it `is_placed` the first row is of the base: it is not known yet where the IMU is.
     """
 
@@ -90,6 +91,7 @@ class Gaussian(NamedTuple):
     strayed: np.ndarray
     calm: np.ndarray
     struck: np.ndarray
+    shaken: np.ndarray
     is_placed: np.ndarray
 
 
@@ -147,7 +149,9 @@ class KalmanEstimator:
     ) -> None:
         self._radius = foot_radius
         self._imu_offset = imu_offset
-        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1, 1, 1, 2, 1)))
+        blank = Gaussian(
+            *(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1, 1, 1, 2, 1, 1))
+        )
         blank = blank._replace(is_placed=np.zeros(1, dtype=bool))
         self._flat = flatten(blank)
         self._estimate: Gaussian = view_of(self._flat, blank)
@@ -185,7 +189,7 @@ class KalmanEstimator:
         estimate.P[:] = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias))
         estimate.lever[:], estimate.whirl[:], estimate.belief[:] = 0.0, 0.0, 1.0
         estimate.level[:], estimate.strayed[:], estimate.calm[:] = level, 0.0, _HELD
-        estimate.struck[:] = 0.0
+        estimate.struck[:], estimate.shaken[:] = 0.0, 0.0
         estimate.is_placed[:] = False
 
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
@@ -270,6 +274,7 @@ def _anchor(
         ahead += trust[i] * (feet[i, 0] - estimate.x[0, 0] + estimate.lever[0])
         left += trust[i] * (feet[i, 1] - estimate.x[0, 1] + estimate.lever[1])
     estimate.calm[0] = min(estimate.calm[0], 0.0) if is_thrown else estimate.calm[0] + dt
+    estimate.shaken[0] -= dt
     even = _raise_level(estimate, footing, sensors, dt)
     if is_thrown or total < 1e-9:
         return
@@ -281,8 +286,8 @@ def _anchor(
             return
     speed, known = math.hypot(estimate.x[1, 0], estimate.x[1, 1]), min(total, 1.0) * dt
     off_level = _level(estimate, footing, (height, even, speed), sensors, known)
-    # What a robot that skids feels rough is how it skids.
-    rough = 0.0 if estimate.calm[0] < 0.0 else min(footing.roughness / _ROUGH, 1.0) ** _SHARP
+    roughness = 0.0 if estimate.shaken[0] > 0.0 else footing.roughness
+    rough = min(roughness / _ROUGH, 1.0) ** _SHARP
     time = sensors.level_time * (1.0 + _SLOWER * rough)
     shift = -known / time * off_level
     if footing.is_walking and abs(off) < sensors.step_band:
@@ -408,7 +413,7 @@ def _filter_step(
     is_thrown = R[2, 2] < _UPRIGHT or math.hypot(imu.omega[0], imu.omega[1]) > sensors.level_rate
     struck = math.hypot(estimate.struck[0], estimate.struck[1]) > _BLOW
     if struck or math.hypot(x[1, 0], x[1, 1]) > _FASTEST:
-        estimate.calm[0] = -_SKID
+        estimate.calm[0], estimate.shaken[0] = -_SKID, _SHAKEN
     _anchor(estimate, footing, sensors, dt, is_thrown)
 
 
