@@ -148,7 +148,8 @@ def height(
     """
     Judge how far off the height is at the end: by a length [m] and a share of the way.
 
-    Runs with jumps must have jumped, and `thrown` ones have fallen so often, but drive at the end.
+    Runs with jumps must have jumped. Of `thrown` ones a throw or more must have been a fall, and
+    nothing else: some a robot survives on its feet. All must drive at the end.
     """
 
     def trial(trace: Trace) -> Trial:
@@ -157,15 +158,17 @@ def height(
         off = np.abs(np.diff((trace.felt.height[rows], trace.position[rows, 2]), axis=0)[0])
         end, jumps = float(off[-1]), trace.run.keys.count('v')
         jumped = sum(a != b == 'jump' for a, b in itertools.pairwise(trace.state))
-        did = jumped == jumps and trace.report['falls'] == thrown
+        falls = trace.report['falls']
+        did = jumped == jumps and min(thrown, 1) <= falls <= thrown
         passed = did and trace.state[-1] == 'move base' and end <= allowed + share * trace.path
         values = {'off': end, 'most': float(off.max()), 'path': trace.path, 'jumps': jumped}
         return {'passed': passed, **values}
 
     def say(trials: list[Trial]) -> str:
         off, most = (100 * worst(trials, name) for name in ('off', 'most'))
-        way = sum(found['path'] for found in trials)
-        return f'{off:.1f} cm at worst, {most:.1f} cm on the way, {way:.0f} m'
+        way, falls = (sum(found[name] for found in trials) for name in ('path', 'falls'))
+        said = f'{falls} falls, ' if thrown else ''
+        return f'{said}{off:.1f} cm at worst, {most:.1f} cm on the way, {way:.0f} m'
 
     limit = f'{100 * share:g} % of the way' if share else f'{100 * allowed:g} cm'
     return judged(f'height: {what}', f'<= {limit}', runs, trial, say)
