@@ -148,8 +148,8 @@ def height(
     """
     Judge how far off the height is at the end: by a length [m] and a share of the way.
 
-    Runs with jumps must have jumped. Of `thrown` ones a throw or more must have been a fall, and
-    nothing else: some a robot survives on its feet. All must drive at the end.
+    Every jump must have been a jump. Of `thrown` throws at least one must end in a fall: some the
+    robot survives on its feet. There is no other fall, and the robot drives at the end.
     """
 
     def trial(trace: Trace) -> Trial:

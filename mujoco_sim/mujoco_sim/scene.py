@@ -67,18 +67,20 @@ COURSE_SPANS = {
 EDGE = 0.3
 
 
-def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
+def add_scene(
+    spec: mujoco.MjSpec, world: str, seed: int = 0, time_step: float = TIME_STEP
+) -> None:
     """
     Put a robot's specification into a world: a name, a terrain with its size, or a file.
 
     The file is a model or a floor plan: a map's YAML file, or a picture with its scale.
 
-    `seed` decides what is random in a terrain.
+    `seed` decides what is random in a terrain; `time_step` [s] is that of physics.
 
     Raises:
         SimulationError: an unknown name, a size that is none, a file that is no model and no plan.
     """
-    spec.option.timestep = TIME_STEP
+    spec.option.timestep = time_step
     # Not implicit: that adds motor damping after the contacts are solved, and wheels then slip
     # (0.47 mm while speeding up to 0.2 m/s, against 0.05 mm).
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER

@@ -640,8 +640,7 @@ def build_world(
     """
     setup = setup or RobotSetup()
     spec = robot_spec(loaded, setup, visuals)
-    add_scene(spec, world, seed)
-    spec.option.timestep = time_step
+    add_scene(spec, world, seed, time_step)
     # One robot is one island: to look for others takes 5 % of a step.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     add_boxes(spec, boxes)

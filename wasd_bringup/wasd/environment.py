@@ -63,7 +63,8 @@ ACTION: Any = tuple[(float,) * 12]  # type: ignore[misc]
 WITH_HEIGHTS = replace(SPEC, terms=(*SPEC.terms, Term(name='height_scan', clip=(-1.0, 1.0))))
 # The base above the floor as it begins, and so low it has fallen [m].
 START_HEIGHT, LOW = 0.29, 0.14
-# Physics may step by so much [s]: commands are late by a whole number of either.
+# Physics may step by so much [s], the last unless told: a command's delay of 2 ms is a whole
+# number of either.
 PHYSICS_STEPS = (0.001, 0.002)
 # Episodes end after so many steps: 20 s.
 LONGEST = 1000
@@ -88,8 +89,8 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
     With `heights` the observation ends with the true heights around it, as `WITH_HEIGHTS` says.
     `world` is as in `wasd.Go2`. `randomise` from 0 to 1 is how much each episode's robot differs
     at random. `noise` False makes sensors tell the truth. `command` (3,) holds in every episode;
-    without one it is drawn. `physics_step` [s] is 0.001, as in `wasd.Go2`, or 0.002, which takes
-    half the time.
+    without one it is drawn. `physics_step` [s] is 0.001, as in `wasd.Go2`, or 0.002, which is
+    faster.
 
     Raises:
         UserError: what is wrong with an argument, in one line.
@@ -106,7 +107,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         noise: bool = True,
         heights: bool = False,
         command: Command | None = None,
-        physics_step: float = 0.002,
+        physics_step: float = PHYSICS_STEPS[-1],
         render_mode: str | None = None,
     ) -> None:
         if physics_step not in PHYSICS_STEPS:
