@@ -98,8 +98,8 @@ def unlisted(place: list[Any] | None) -> Place | None:
 LONGEST_REASON = 300
 LONGEST_NOTE = 200
 LONGEST_NAME = 60
-# From how many on it is macros that are nested too deep.
-MANY_MACROS = 50
+# Macros within macros; xacro itself runs out of Python's frames after 200 to 250.
+MOST_MACROS = 300
 # Frames of Python; a macro within a macro takes about ten.
 FRAMES = 6000
 # What launch files write in place of $(find NAME).
@@ -200,7 +200,7 @@ class Processor:
             return f'the argument {name!r} has no value; give it: --xacro-arg {name}:={value}'
         if isinstance(cause, RecursionError):
             depth = len(xacro.macrostack or ())
-            if depth < MANY_MACROS:
+            if depth < MOST_MACROS:
                 return 'nested too deep'
             name = xacro.macrostack[-1].body.getAttribute('name')
             return f'macros call each other without end: xacro:{name} more than {depth} deep'
@@ -338,6 +338,9 @@ class Processor:
 
     def _call_macro(self, node: Any, macros: Any, symbols: Any) -> bool:
         with self._inside(node):
+            is_call = node.tagName.startswith('xacro:')
+            if is_call and len(xacro.macrostack or ()) >= MOST_MACROS:
+                raise RecursionError
             return bool(self._handle_macro_call(node, macros, symbols))
 
     @contextlib.contextmanager
