@@ -5,10 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.exercises import NARROW
 from quadruped_sim.states.support import (
     corners_of,
     distances_inside,
+    is_to_step,
     middle_of,
     nearest_inside,
     room_inside,
@@ -45,6 +47,44 @@ def test_a_point_is_moved_inside_by_the_shortest_way_and_no_farther(rng):
         nearest = nearest_inside(point, RIGHT_ANGLED, 0.7)
         assert distances_inside(nearest, RIGHT_ANGLED).min() > 0.7 - 1e-3
     np.testing.assert_allclose(nearest_inside(point, RIGHT_ANGLED, 2.0), (1.0, 1.0), atol=1e-12)
+
+
+def moving(*, R: np.ndarray, **motion: np.ndarray) -> RobotState:
+    """Return a robot that stands on FEET and moves."""
+    robot = RobotState.blank()
+    robot.base.R[:], robot.feet[:], robot.com[:] = R, FEET, motion.pop('com')
+    for name, value in motion.items():
+        getattr(robot.base, name)[:] = value
+    return robot
+
+
+@pytest.mark.parametrize('way', [(0.2, 1.0, 0.0), (0.2, -1.0, 0.0), (0.1, 0.0, 1.0)])
+def test_a_step_is_due_once_the_capture_point_leaves_the_feet(way):
+    """At 9.81 / 4 m of height the point is ahead by half of a second's way."""
+    far, *direction = way
+    for share in (0.99, 1.01):
+        velocity = 2.0 * far * share * np.array((*direction, 0.0))
+        where = {'position': np.array((0.0, 0.0, 9.81 / 4.0)), 'com': np.zeros(3)}
+        robot = moving(R=np.eye(3), velocity=velocity, omega=np.zeros(3), **where)
+        assert is_to_step(robot, np.ones(4, dtype=bool), 9.81) == (share > 1.0)
+
+
+def test_a_step_is_due_as_the_corners_say_however_the_robot_turns(rng):
+    found = set()
+    for _ in range(300):
+        R, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        position, com = rng.normal(0.0, 0.1, 3) + (0.0, 0.0, 0.3), rng.normal(0.0, 0.05, 3)
+        velocity, omega = rng.normal(0.0, 0.5, 3), rng.normal(0.0, 0.5, 3)
+        robot = moving(R=R, position=position, com=com, velocity=velocity, omega=omega)
+        stands = np.arange(4) != rng.integers(5)
+        arm = R @ com
+        height = position[2] + arm[2] - FEET[stands, 2].mean()
+        carried = velocity + np.cross(R @ omega, arm)
+        point = (position + arm)[:2] + carried[:2] * math.sqrt(max(height, 0.0) / 9.81)
+        due = bool(distances_inside(point, corners_of(FEET, stands)).min() < 0.0)
+        assert is_to_step(robot, stands, 9.81) == due
+        found.add(due)
+    assert found == {True, False}
 
 
 def press(dog: Go2, keys: str) -> None:

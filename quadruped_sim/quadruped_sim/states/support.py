@@ -57,13 +57,22 @@ def is_to_step(robot: RobotState, stands: np.ndarray, gravity: float) -> bool:
 
     The capture point of the linear inverted pendulum lies outside then [Koolen2012].
     """
-    com = robot.base.R @ robot.com
-    height = float(robot.base.position[2] + com[2] - robot.feet[stands, 2].mean())
-    spin = robot.base.R @ robot.base.omega
-    velocity = robot.base.velocity + np.cross(spin, com)
-    ahead = velocity[:2] * math.sqrt(max(height, 0.0) / gravity)
-    point = robot.base.position[:2] + com[:2] + ahead
-    return bool(distances_inside(point, corners_of(robot.feet, stands)).min() < 0.0)
+    base, com = robot.base, robot.base.R @ robot.com
+    # In plain numbers: numpy takes ten times as long for so few.
+    cx, cy, cz = com.tolist()
+    wx, wy, wz = (base.R @ base.omega).tolist()
+    vx, vy, _ = base.velocity.tolist()
+    x, y, z = base.position.tolist()
+    corners = robot.feet[AROUND[stands[AROUND]]].tolist()
+    height = z + cz - sum(foot[2] for foot in corners) / len(corners)
+    time = math.sqrt(max(height, 0.0) / gravity)
+    x += cx + (vx + wy * cz - wz * cy) * time
+    y += cy + (vy + wz * cx - wx * cz) * time
+    nexts = (*corners[1:], corners[0])
+    return any(
+        (bx - ax) * (y - ay) < (by - ay) * (x - ax)
+        for (ax, ay, _), (bx, by, _) in zip(corners, nexts, strict=True)
+    )
 
 
 def _normals(corners: np.ndarray) -> np.ndarray:
