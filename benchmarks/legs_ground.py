@@ -149,7 +149,8 @@ def height(
     Judge how far off the height is at the end: by a length [m] and a share of the way.
 
     Every jump must have been a jump. Of `thrown` throws at least one must end in a fall: some the
-    robot survives on its feet. There is no other fall, and the robot drives at the end.
+    robot survives on its feet, after others it stumbles first and counts as fallen twice. There
+    is no fall but in the RISING seconds after a throw, and the robot drives at the end.
     """
 
     def trial(trace: Trace) -> Trial:
@@ -158,16 +159,23 @@ def height(
         off = np.abs(np.diff((trace.felt.height[rows], trace.position[rows, 2]), axis=0)[0])
         end, jumps = float(off[-1]), trace.run.keys.count('v')
         jumped = sum(a != b == 'jump' for a, b in itertools.pairwise(trace.state))
-        falls = trace.report['falls']
-        did = jumped == jumps and min(thrown, 1) <= falls <= thrown
+        fell = trace.t[1:][np.diff(trace.felt.falls) > 0]
+        thrown_at = [float(push.split()[0]) for push in trace.run.push.split(';') if push]
+        after = [(fell >= time) & (fell < time + RISING) for time in thrown_at]
+        downs, falls = sum(bool(hits.any()) for hits in after), trace.report['falls']
+        did = (
+            jumped == jumps
+            and downs >= min(thrown, 1)
+            and falls == sum(int(hits.sum()) for hits in after)
+        )
         passed = did and trace.state[-1] == 'move base' and end <= allowed + share * trace.path
         values = {'off': end, 'most': float(off.max()), 'path': trace.path, 'jumps': jumped}
-        return {'passed': passed, **values}
+        return {'passed': passed, 'downs': downs, **values}
 
     def say(trials: list[Trial]) -> str:
         off, most = (100 * worst(trials, name) for name in ('off', 'most'))
-        way, falls = (sum(found[name] for found in trials) for name in ('path', 'falls'))
-        said = f'{falls} falls, ' if thrown else ''
+        way, downs = (sum(found[name] for found in trials) for name in ('path', 'downs'))
+        said = f'{downs} throws that it fell by, ' if thrown else ''
         return f'{said}{off:.1f} cm at worst, {most:.1f} cm on the way, {way:.0f} m'
 
     limit = f'{100 * share:g} % of the way' if share else f'{100 * allowed:g} cm'

@@ -49,6 +49,7 @@ class Felt(NamedTuple):
     )  # that motors have turned over since the start, sum |torque x speed| [J], (n,)
     clearance: np.ndarray  # of the base over the highest foot [m], (n,)
     lowest: np.ndarray  # height of the lowest foot's underside [m], (n,)
+    falls: np.ndarray  # how many until then, (n,)
     touchdowns: np.ndarray  # time [s] and speed of the foot then [m/s], (m, 2)
     mass: float  # of the robot as it is described [kg]
 
@@ -74,7 +75,7 @@ class Walk:
         self._twists = TwistPlayer(parse_twist_script(run.twist, 'twist'), self._drive)
         self._energy = 0.0
         self._mass = model.mass
-        self._felt: list[tuple[float, float, float, float]] = []
+        self._felt: list[tuple[float, ...]] = []
 
     def report(self) -> tuple[dict[str, Any], Felt]:
         """Run it; return the report as `wasd go2` writes it, and what that does not tell."""
@@ -91,7 +92,7 @@ class Walk:
         ticks = TickStatistics(CONTROL).summary()
         report = build_report(self._recorder, asked, world.time, 0.0, ticks)
         report['samples'] = dict(report['samples'])
-        columns = np.array(self._felt).reshape(-1, 4).T
+        columns = np.array(self._felt).reshape(-1, 5).T
         return report, Felt(*columns, self._feet.touchdowns(), self._mass)
 
     def _begin_instant(self) -> None:
@@ -132,7 +133,8 @@ class Walk:
         )
         self._recorder.sample(Sample(state, command, (x, y, yaw), touching[:4], is_down))
         feet, base = self._feet.heights(), float(self._world.base().position[2])
-        self._felt.append((z, self._energy, base - max(feet), min(feet)))
+        told = z, self._energy, base - max(feet), min(feet), self._recorder.falls
+        self._felt.append(told)
 
 
 class Feet:
