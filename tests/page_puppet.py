@@ -15,6 +15,8 @@ from typing import Any, Self
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.input import PAGE_KEYS
+from mujoco_sim.viewer.server import CONTROL_TAKEN
+from terminals import PATIENCE
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
@@ -63,10 +65,12 @@ class PagePuppet:
     Context of a controlling page that draws `rate` pictures a second.
 
     `keys` are down (ImGui's numbers), `mouse` and `buttons` are where the pointer is; `frames` are
-    the frames of panels that came, `shown` has their number at each picture.
+    the frames of panels that came, `shown` has their number at each picture. It tries again for
+    `patience` [s] while another page has control: a busy server sees late that one has gone.
 
     Raises:
         AssertionError: the server speaks another version than this was made for.
+        ConnectionClosed: another page keeps control.
     """
 
     def __init__(
@@ -75,8 +79,9 @@ class PagePuppet:
         rate: float = 50.0,
         session: str = 'puppet',
         size: tuple[int, int] = SIZE,
+        patience: float = 0.0,
     ) -> None:
-        self.size = size
+        self.size, self._patience = size, patience
         self._text = ''
         self.received = 0  # bytes of panels
         self.keys: set[int] = set()
@@ -94,18 +99,33 @@ class PagePuppet:
 
     def __enter__(self) -> Self:
         """Connect, and draw from now on."""
-        opened = connect(
-            self._url, origin=self._origin, compression=None, max_size=None, ping_interval=None
-        )
-        self.socket: ClientConnection = self._stack.enter_context(opened)
-        self.socket.send(VERSION_PACKET)
-        answer = bytes(self._read(120))
-        spoken = answer[VERSIONS_AT:]
-        assert spoken == VERSIONS, f'NetImgui speaks {spoken!r}, this puppet {VERSIONS!r}'
+        until = time.monotonic() + self._patience
+        while not self._has_control(until):
+            time.sleep(0.05)
         self._threads = [threading.Thread(target=run) for run in (self._draw, self._count)]
         for thread in self._threads:
             thread.start()
         return self
+
+    def _has_control(self, until: float) -> bool:
+        """Connect; return False if another page has control before `until`, else raise."""
+        opened = connect(
+            self._url, origin=self._origin, compression=None, max_size=None, ping_interval=None
+        )
+        with contextlib.ExitStack() as stack:
+            self.socket: ClientConnection = stack.enter_context(opened)
+            try:
+                self.socket.send(VERSION_PACKET)
+                answer = bytes(self._read(120))
+            except ConnectionClosed as closed:
+                is_taken = closed.rcvd is not None and closed.rcvd.code == CONTROL_TAKEN
+                if not is_taken or time.monotonic() > until:
+                    raise
+                return False
+            spoken = answer[VERSIONS_AT:]
+            assert spoken == VERSIONS, f'NetImgui speaks {spoken!r}, this puppet {VERSIONS!r}'
+            self._stack.push(stack.pop_all())
+        return True
 
     def __exit__(self, *_: Any) -> None:
         """Close the page."""
@@ -243,7 +263,7 @@ class PagePuppet:
 
 def main() -> None:
     """Hold keys on a page until the end."""
-    with PagePuppet(sys.argv[1], float(sys.argv[2])) as page:
+    with PagePuppet(sys.argv[1], float(sys.argv[2]), patience=PATIENCE) as page:
         page.draw()
         page.keys = {code(key) for key in sys.argv[3:]}
         print('holding', flush=True)

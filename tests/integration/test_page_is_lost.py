@@ -147,7 +147,7 @@ def lose(way: str, url: str, client: Callable[..., Any], robot: Robot) -> contex
         return not all(is_zero(twist) for _, twist in robot.commands[before:])
 
     if way == 'silent':
-        page = left.enter_context(PagePuppet(url))
+        page = left.enter_context(PagePuppet(url, patience=PATIENCE))
         page.draw()
         page.keys = {page_puppet.code('I')}
         robot.wait_until(has_moved, 'driving')
@@ -173,7 +173,7 @@ def test_a_key_that_is_held_ends_with_its_page(
             robot.wait(STOP_TIME + 0.3)
         robot.wait(0.3)
         # Opened again with no key down: nothing moves.
-        with PagePuppet(run.url):
+        with PagePuppet(run.url, patience=PATIENCE):
             robot.wait(0.5)
         assert is_zero(robot.commands[-1][1])
         return robot.last_moved() - robot.time_at(lost_at)
@@ -198,7 +198,7 @@ def test_sticks_of_the_page_are_one_step_a_tap_and_end_with_it(
         robot.wait(0.3)
     robot.wait(STOP_TIME + 0.5)
     # Open again, the page may hold what it likes: it was down when it came.
-    again = PagePuppet(run.url)
+    again = PagePuppet(run.url, patience=PATIENCE)
     again.keys = {page_puppet.code('W')}
     with again:
         robot.wait(1.0)
@@ -227,7 +227,7 @@ def test_a_page_that_only_watches_does_not_stop_a_robot_that_others_drive(
         robot.wait_until(robot.moves, 'driving')
     robot.wait(2.0)
     assert robot.moves()
-    with PagePuppet(run.url) as page:
+    with PagePuppet(run.url, patience=PATIENCE) as page:
         page.draw()
         page.tap('W')
     robot.wait(STOP_TIME)
