@@ -149,8 +149,9 @@ def height(
     Judge how far off the height is at the end: by a length [m] and a share of the way.
 
     Every jump must have been a jump. Of `thrown` throws at least one must end in a fall: some the
-    robot survives on its feet, after others it stumbles first and counts as fallen twice. There
-    is no fall but in the RISING seconds after a throw, and the robot drives at the end.
+    robot survives on its feet, after others it stumbles first and counts as fallen twice. It falls
+    in the RISING seconds after a throw alone, goes passive once a throw at most, and drives at the
+    end.
     """
 
     def trial(trace: Trace) -> Trial:
@@ -162,12 +163,10 @@ def height(
         fell = trace.t[1:][np.diff(trace.felt.falls) > 0]
         thrown_at = [float(push.split()[0]) for push in trace.run.push.split(';') if push]
         after = [(fell >= time) & (fell < time + RISING) for time in thrown_at]
-        downs, falls = sum(bool(hits.any()) for hits in after), trace.report['falls']
-        did = (
-            jumped == jumps
-            and downs >= min(thrown, 1)
-            and falls == sum(int(hits.sum()) for hits in after)
-        )
+        downs = sum(bool(hits.any()) for hits in after)
+        let_go = sum(a != b == 'passive' for a, b in itertools.pairwise(trace.state))
+        fell_else = trace.report['falls'] - sum(int(hits.sum()) for hits in after)
+        did = jumped == jumps and downs >= min(thrown, 1) and let_go <= thrown and not fell_else
         passed = did and trace.state[-1] == 'move base' and end <= allowed + share * trace.path
         values = {'off': end, 'most': float(off.max()), 'path': trace.path, 'jumps': jumped}
         return {'passed': passed, 'downs': downs, **values}

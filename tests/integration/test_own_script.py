@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`import wasd`, and the two scripts of docs/your_own_script.md as they stand there."""
 
-import contextlib
 from pathlib import Path
 import re
 import signal
@@ -69,15 +68,6 @@ def test_the_script_without_ros_walks_and_draws(tmp_path):
     assert (tmp_path / 'dog.png').stat().st_size > 20_000
 
 
-def press_ctrl_c(process: 'subprocess.Popen[bytes]') -> int:
-    """Press it until a process ends: Python ignores one that comes in a destructor."""
-    for _ in range(int(PATIENCE / 10.0)):
-        process.send_signal(signal.SIGINT)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            return process.wait(10.0)
-    return process.wait(0.0)
-
-
 def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path: Path):
     (tmp_path / 'circle.py').write_text(scripts()[1])
     node = subprocess.Popen([sys.executable, 'circle.py'], cwd=tmp_path, env=environment)
@@ -89,7 +79,8 @@ def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path:
             text=True,
             timeout=PATIENCE,
         )
-        assert press_ctrl_c(node) == 0
+        node.send_signal(signal.SIGINT)
+        assert node.wait(PATIENCE) == 0
     finally:
         node.kill()
         node.wait()
