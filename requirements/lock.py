@@ -26,7 +26,7 @@ PROJECT = HERE.parent / 'pyproject.toml'
 FILES = {'run.txt': (), 'test.txt': ('test',)}
 HEAD = """# Written by requirements/lock.py; for CPython {versions} on Linux, x86_64.
 """
-# Built here, not fetched: see docs/release.md.
+# Built here, not fetched: see docs/install.md.
 OURS = ('wasd-interfaces',)
 
 Pins = dict[str, str]
