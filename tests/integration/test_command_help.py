@@ -117,6 +117,7 @@ def test_what_help_and_errors_tell_to_type_is_what_the_user_types(
     monkeypatch.setenv('WASD_CALLED', './wasd')
     assert 'usage: ./wasd go2' in said(['go2', '--help'], capsys)
     assert '  ./wasd go2 --preset wasd' in said(['go2', '--help'], capsys)
+    assert '--preset NAME|FILE' in said(['mbot', '--help'], capsys)
     from wasd_bringup.cli import make_parser
 
     with pytest.raises(UserError, match=r'\(see: \./wasd go2 --help\)'):

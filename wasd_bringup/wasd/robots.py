@@ -258,8 +258,8 @@ class Go2(Robot):
     @checked
     def press(self, key: str) -> str | None:
         """
-        Press a key of the Go2: a state (0 to 9, v), a stick (w a s d j l i k, space), a gait (n,
-        N) or e, which opens and shuts its eyes.
+        Press a key of the Go2: a state (0 to 9, v, p), a stick (w a s d j l i k, space), a gait
+        (n, N) or e, which opens and shuts its eyes.
 
         Return what the status line would say to it, if anything: a key that does nothing in this
         state says what to press, and that of the present state that it is there already.

@@ -287,7 +287,7 @@ OPTIONS = (
         help='keymap (default: {preset})',
         of=ONE,
         usual='preset',
-        how={'metavar': 'NAME'},
+        how={'metavar': 'NAME|FILE'},
     ),
     Option(
         word='--twist',
