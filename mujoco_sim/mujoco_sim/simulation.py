@@ -165,7 +165,7 @@ class Schedule:
         self._due.clear()
         if rest is None:
             self._tireless.add(steps)
-        else:
+        elif rest not in self._rests:
             self._rests.append(rest)
 
     def at_rate(self, parameter: str, rate: float, task: Callable[[], None]) -> None:

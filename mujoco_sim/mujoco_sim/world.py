@@ -172,10 +172,13 @@ class Actuation:
             self._stacked = stacked
             can_change = getattr(command[0], 'flags', np.ones(1).flags).writeable
             self._told = None if can_change else command
-        if self._delay:
-            self._pending.append((tick + self._delay, self._stacked))
-        elif self._stacked is not self._in_force:
-            self._put_in_force(self._stacked)
+        # What holds a command says it again and again: once is enough, it stays in force.
+        coming = self._pending[-1][1] if self._pending else self._in_force
+        if self._stacked is not coming:
+            if self._delay:
+                self._pending.append((tick + self._delay, self._stacked))
+            else:
+                self._put_in_force(self._stacked)
         return True
 
     def brake(self) -> None:
@@ -312,7 +315,7 @@ class Physics:
             until = last
             for robot in self.robots:
                 until = min(until, robot.take_due(self.tick, last))
-            self._advance(until - self.tick)
+            self._advance(until - self.tick, are_read=until == last)
             for robot in self.robots:
                 robot.drop_ended(self.tick)
         if any(self._divergences.tolist()):  # faster than to ask numpy
@@ -321,28 +324,30 @@ class Physics:
                 'a push, a load, a speed or a mass is too large for the simulation'
             )
 
-    def _advance(self, count: int) -> None:
+    def _advance(self, count: int, *, are_read: bool) -> None:
+        """Let MuJoCo step; `are_read`, after the last step, are the sensors or not."""
         self.tick += count
         if all(robot.is_kinematic for robot in self.robots):
             return
         model, data, step = self.model, self.data, mujoco.mj_step
         follow = [after for robot in self.robots if (after := robot.begin_steps()) is not None]
-        flags = self._options.disableflags
-        if count > 1:  # sensors are read after the last step alone
+        flags, unread = self._options.disableflags, count - are_read
+        if unread:
             self._options.disableflags = flags | _NO_SENSORS
             try:
                 if follow:
-                    for _ in range(count - 1):
+                    for _ in range(unread):
                         step(model, data)
                         for act in follow:
                             act()
                 else:
-                    step(model, data, count - 1)
+                    step(model, data, unread)
             finally:  # also after Ctrl-C in somebody's notebook, who goes on
                 self._options.disableflags = flags
-        step(model, data)
-        for act in follow:
-            act()
+        if are_read:
+            step(model, data)
+            for act in follow:
+                act()
 
 
 class World:
