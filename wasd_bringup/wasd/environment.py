@@ -117,6 +117,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
             raise UserError(f'render_mode: got {render_mode!r}, wanted rgb_array or None')
         self.render_mode = render_mode
         self._world_name, self._noise, self._level = world, noise, randomise
+        self._has_heights = heights
         self._physics_step = physics_step
         self._given = None if command is None else np.array(command, float)
         self._loaded: Description = load_robot('go2')
@@ -231,7 +232,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def _heights(self) -> np.ndarray | None:
         """Return the true height scan [m], as low as it may be where nothing is below."""
-        if not self.policy.has_height_scan:
+        if not self._has_heights:
             return None
         base = self._world.base()
         heights = partial(true_heights, self._world)
@@ -245,12 +246,11 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         return float(truth.position[2]) - lowest
 
     def _reward(self, truth: BaseState, tilt: float, change: np.ndarray) -> float:
-        off = truth.planar_velocity - self._command
-        follows = math.exp(-float(off @ off) / SHARPNESS)
+        # Faster in plain numbers than by numpy.
+        off = math.dist(truth.planar_velocity.tolist(), self._command.tolist())
         effort = self._world.effort()
-        return float(
-            follows - EFFORT * (effort @ effort) - JERK * (change @ change) - TILT * tilt**2
-        )
+        strain = EFFORT * float(np.vdot(effort, effort)) + JERK * float(np.vdot(change, change))
+        return math.exp(-(off**2) / SHARPNESS) - strain - TILT * tilt**2
 
 
 def _is_plain(action: Any) -> bool:
