@@ -30,6 +30,7 @@ from experiment import FIRST_SEED
 from quadruped_sim.parameters import LegControllerParameters, LegNodeParameters
 from trials import Run, simulate, Trace
 import wasd
+from wasd_core.errors import UserError
 from wasd_core.parameter_file import NodeKind, read_parameters
 from wasd_core.parameters import Known, known_parameters, numeric_ends
 import yaml
@@ -136,6 +137,8 @@ def attempted(trial: Trial) -> str:
     """Return what is wrong with a trial, which may be that it breaks."""
     try:
         return trial()
+    except UserError as error:
+        return f'refused: {error}'
     except Exception as error:  # an experiment that looks for just those goes on
         return f'BROKE: {type(error).__name__}: {error}'
 
@@ -223,13 +226,14 @@ def main() -> int:
     parser.add_argument('--inner', type=int, default=0, help='values anywhere in the range')
     parser.add_argument('--sets', type=int, default=0, help='all parameters at once, so often')
     asked = parser.parse_args()
-    count = bad = 0
+    count = bad = refused = 0
     for what, trial in trials_of(asked):
         found, count = attempted(trial), count + 1
         if found:
-            bad += not found.startswith('near')
+            refused += found.startswith('refused')
+            bad += not found.startswith(('near', 'refused'))
             print(f'{what}: {found}', flush=True)
-    print(f'{count - bad} of {count} held')
+    print(f'{count - bad} of {count} held, {refused} of them refused')
     return int(bad > 0)
 
 

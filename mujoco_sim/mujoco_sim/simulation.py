@@ -168,21 +168,27 @@ class Schedule:
         elif rest not in self._rests:
             self._rests.append(rest)
 
-    def at_rate(self, parameter: str, rate: float, task: Callable[[], None]) -> None:
+    def at_rate(
+        self,
+        parameter: str,
+        rate: float,
+        task: Callable[[], None],
+        rest: Callable[[], float] | None = None,
+    ) -> None:
         """
-        Add a task at a rate [Hz] that a parameter of this name asks for.
+        Add a task at a rate [Hz] that a parameter of this name asks for; `rest` is as in `every`.
 
         Raises:
             SimulationError: the period is not a whole number of physics steps; names the
                 parameter and the nearest rates that are legal.
         """
         try:
-            self.every(1.0 / rate, task)
+            self.every(1.0 / rate, task, rest)
         except SimulationError:
             nearest = ' or '.join(f'{legal:g}' for legal in self._rates_near(rate))
             raise SimulationError(
-                f'{parameter}: {rate:g} Hz does not fit the physics step of {self._time_step} s; '
-                f'nearest: {nearest} Hz'
+                f'{parameter}: got {rate:g} Hz, which does not fit the physics step of '
+                f'{self._time_step} s; nearest: {nearest} Hz'
             ) from None
 
     def _rates_near(self, rate: float) -> list[float]:

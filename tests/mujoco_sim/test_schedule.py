@@ -79,7 +79,8 @@ def test_a_rate_that_does_not_fit_names_its_parameter_and_rates_that_do(schedule
     with pytest.raises(SimulationError) as caught:
         schedule.at_rate('clock_rate', rate, lambda: None)
     assert str(caught.value) == (
-        f'clock_rate: {rate:g} Hz does not fit the physics step of 0.001 s; nearest: {nearest}'
+        f'clock_rate: got {rate:g} Hz, which does not fit the physics step of 0.001 s; '
+        f'nearest: {nearest}'
     )
     for word in nearest.removesuffix(' Hz').split(' or '):
         schedule.at_rate('clock_rate', float(word), lambda: None)

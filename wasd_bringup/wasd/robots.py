@@ -53,9 +53,9 @@ class Robot:
         self._velocity: Velocity | None = None
         self._world, self._simulation = robot.world, robot.simulation
         # What holds a velocity is the step of the controller alone.
-        self._simulation.schedule.every(robot.period, self._repeat, robot.rest)
-        self._simulation.on_reset.append(self._forget)
         schedule = self._simulation.schedule
+        schedule.at_rate('update_rate', 1.0 / robot.period, self._repeat, robot.rest)
+        self._simulation.on_reset.append(self._forget)
         robot.schedule_control(schedule)
         stride = schedule.stride * self._world.time_step
         schedule.every(stride, robot.sensors.step, robot.sensors.rest)

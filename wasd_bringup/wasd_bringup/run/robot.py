@@ -332,7 +332,7 @@ class Robot(ABC):
         if self.logic is not None:
             logic, period = self.logic, 1.0 / self.logic.rate
             schedule.every(period, lambda: self._step_keys(logic, period))
-        schedule.every(self.period, self._timed_control, self.rest)
+        schedule.at_rate('update_rate', 1.0 / self.period, self._timed_control, self.rest)
 
     def schedule_sensing(self, schedule: Schedule) -> None:
         """Measure and sample on a schedule, after all controllers."""

@@ -341,7 +341,7 @@ class Run:
         self._boxes = BoxPlayer(options.boxes, self.world.boxes.put)
         self._next_event = -math.inf
         period = min(robot.period for robot in self.robots)
-        schedule.every(period, self._begin_instant, self._rest)
+        schedule.at_rate('update_rate', 1.0 / period, self._begin_instant, self._rest)
         schedule.every(1.0 / TWIST_RATE, self._look_who_drives)
         for driver in self._drivers:
             schedule.every(1.0 / TWIST_RATE, driver.repeat)

@@ -138,7 +138,7 @@ class _Square:
         speed, rate = random.uniform(*SPEEDS), random.uniform(*TURN_RATES)
         self._velocities = self._plan(test.side, speed, rate)
         schedule = run.simulation.schedule
-        schedule.every(robot.period, self._record)
+        schedule.at_rate('update_rate', 1.0 / robot.period, self._record)
         schedule.every(TICK, self._drive)
 
     def run(self) -> SquareRun:
