@@ -88,7 +88,7 @@ class Bridge:
 
     def _make_services(self) -> list[Service]:
         avoid = ObstaclesAvoid(self._robot, lambda velocity: self._sport.move(velocity))
-        self._sport = Sport(self.motion, self._robot, self.low, avoid, self._say)
+        self._sport = Sport(self.motion, self.low, avoid, self._say)
         return [
             self._sport,
             MotionSwitcher(self.low, self.release_motors),

@@ -4,7 +4,7 @@
 from collections.abc import Callable, Mapping
 import json
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from wasd_core.errors import InvalidMessage
 
@@ -45,14 +45,16 @@ class Answer(NamedTuple):
 Handler = Callable[[Parameters], Answer | None]
 
 
-class Service(Protocol):
-    """Something that can be asked."""
+class Service:
+    """Something that can be asked: by id, who answers."""
 
     name: str
     version: str
+    _handlers: dict[int, Handler]
 
     def handler(self, api_id: int) -> Handler | None:
         """Return who answers an id, None where nobody does."""
+        return self._handlers.get(api_id)
 
 
 def serve(service: Service, raw: bytes, say: Callable[[str], None]) -> bytes | None:
@@ -144,7 +146,7 @@ def word(parameters: Parameters, name: str) -> str:
     return value
 
 
-class Leases:
+class Leases(Service):
     """
     Gives the one lease that a service has; it is asked beside the service.
 
@@ -160,10 +162,7 @@ class Leases:
         self._now = now
         self._id = 0
         self._renewed = -math.inf
-
-    def handler(self, api_id: int) -> Handler | None:
-        """Return who answers an id."""
-        return {_APPLY: self._apply, _RENEW: self._renew}.get(api_id)
+        self._handlers = {_APPLY: self._apply, _RENEW: self._renew}
 
     def _apply(self, _: Parameters) -> Answer:
         if self._now() - self._renewed <= _TERM:

@@ -20,6 +20,7 @@ from unitree_bridge.rpc import (
     number,
     Parameters,
     Refused,
+    Service,
     word,
 )
 
@@ -49,18 +50,16 @@ TRICKS = {
 }
 
 
-class Sport:
+class Sport(Service):
     """Stands, walks, leans: what the leg controller does. What it does not is answered 3203."""
 
     name, version = 'sport', '1.0.0.1'
 
-    def __init__(
-        self, motion: Motion, robot: LegsRobot, low: LowLevel, avoid: 'ObstaclesAvoid', say: Say
-    ) -> None:
-        self._motion, self._robot, self._low, self._say = motion, robot, low, say
+    def __init__(self, motion: Motion, low: LowLevel, avoid: 'ObstaclesAvoid', say: Say) -> None:
+        self._motion, self._low, self._say = motion, low, say
         self.follows_remote = True
         self._recovers = True
-        self._handlers: dict[int, Handler] = {
+        self._handlers = {
             1001: self._damp,
             1002: self._goer(StateName.FREE_STAND),
             1003: lambda _: motion.stop(),
@@ -90,7 +89,7 @@ class Sport:
         """Return who answers an id; say of a trick that it is not simulated."""
         if api_id in TRICKS:
             self._say(f'sport: {TRICKS[api_id]} ({api_id}) is not simulated (answered 3203)')
-        return self._handlers.get(api_id)
+        return super().handler(api_id)
 
     def _goer(self, goal: StateName) -> Handler:
         def go(_: Parameters) -> None:
@@ -148,25 +147,21 @@ class Sport:
         return self._low.is_released
 
 
-class MotionSwitcher:
+class MotionSwitcher(Service):
     """Says who has the motors, our controller by its name or nobody, and changes that."""
 
     name, version = 'motion_switcher', '1.0.0.1'
 
     def __init__(self, low: LowLevel, release: Callable[[], None]) -> None:
-        self._low, self._release = low, release
+        self._low = low
         self._is_silent = False
-        self._handlers: dict[int, Handler] = {
+        self._handlers = {
             1001: self._check,
             1002: self._select,
             1003: lambda _: release(),
             1004: self._set_silent,
             1005: lambda _: Answer({'silent': self._is_silent}),
         }
-
-    def handler(self, api_id: int) -> Handler | None:
-        """Return who answers an id."""
-        return self._handlers.get(api_id)
 
     def _check(self, _: Parameters) -> Answer:
         return Answer({'form': '0', 'name': '' if self._low.is_released else MODE})
@@ -180,7 +175,7 @@ class MotionSwitcher:
         self._is_silent = flag(said, 'silent')
 
 
-class ObstaclesAvoid:
+class ObstaclesAvoid(Service):
     """Switches the guard that stops before obstacles, and moves by it."""
 
     name, version = 'obstacles_avoid', '1.0.0.2'
@@ -192,16 +187,12 @@ class ObstaclesAvoid:
         self.move = move
         self.is_on = False
         self._from_api = False
-        self._handlers: dict[int, Handler] = {
+        self._handlers = {
             1001: lambda said: self.switch(flag(said, 'enable')),
             1002: lambda _: Answer({'enable': self.is_on}),
             1003: self._move,
             1004: self._take_over,
         }
-
-    def handler(self, api_id: int) -> Handler | None:
-        """Return who answers an id."""
-        return self._handlers.get(api_id)
 
     def switch(self, is_on: bool) -> None:
         """
@@ -225,7 +216,7 @@ class ObstaclesAvoid:
         self._from_api = flag(said, 'is_remote_commands_from_api')
 
 
-class RobotState:
+class RobotState(Service):
     """Lists the services, and switches the one that can be."""
 
     name, version = 'robot_state', '1.0.0.1'
@@ -233,15 +224,11 @@ class RobotState:
 
     def __init__(self, low: LowLevel, release: Callable[[], None], names: list[str]) -> None:
         self._low, self._release, self._names = low, release, names
-        self._handlers: dict[int, Handler] = {
+        self._handlers = {
             1001: self._switch,
             1002: lambda _: None,
             1003: self._list,
         }
-
-    def handler(self, api_id: int) -> Handler | None:
-        """Return who answers an id."""
-        return self._handlers.get(api_id)
 
     def _list(self, _: Parameters) -> Answer:
         on = int(not self._low.is_released)
@@ -260,17 +247,14 @@ class RobotState:
         return Answer({'name': name, 'status': int(is_on)})
 
 
-class VideoHub:
+class VideoHub(Service):
     """Takes a picture of what is ahead."""
 
     name, version = 'videohub', '1.0.0.1'
 
     def __init__(self, robot: LegsRobot, say: Say) -> None:
         self._robot, self._say = robot, say
-
-    def handler(self, api_id: int) -> Handler | None:
-        """Return who answers an id."""
-        return self._picture if api_id == 1001 else None
+        self._handlers = {1001: self._picture}
 
     def _picture(self, _: Parameters) -> Answer:
         try:
@@ -280,7 +264,7 @@ class VideoHub:
             raise Refused(INTERNAL) from None
 
 
-class Vui:
+class Vui(Service):
     """Remembers how loud and how bright it was told to be."""
 
     name, version = 'vui', '1.0.0.1'
@@ -288,14 +272,10 @@ class Vui:
 
     def __init__(self) -> None:
         self._values: dict[str, Any] = dict.fromkeys(self._SETTINGS, 0)
-        self._handlers: dict[int, Handler] = {}
+        self._handlers = {}
         for i, setting in enumerate(self._SETTINGS):
             self._handlers[1001 + 2 * i] = partial(self._set, setting)
             self._handlers[1002 + 2 * i] = partial(self._get, setting)
-
-    def handler(self, api_id: int) -> Handler | None:
-        """Return who answers an id."""
-        return self._handlers.get(api_id)
 
     def _set(self, setting: str, said: Parameters) -> None:
         self._values[setting] = round(number(said, setting))
