@@ -220,22 +220,23 @@ class Terminal:
         for deadly in DEADLY:
             # Whoever runs the program may ask for an orderly end instead: StopSignals.
             if signal.getsignal(deadly) == signal.SIG_DFL:
-                wanted[deadly] = self._die
+                wanted[deadly] = self._act_by_default
         for number, handler in wanted.items():
             self._previous_handlers[number] = signal.signal(number, handler)
 
     def _remove_handlers(self) -> None:
-        ours = (self._suspend, self._resume, self._die)
+        ours = (self._suspend, self._resume, self._act_by_default)
         for number, previous in self._previous_handlers.items():
             if signal.getsignal(number) in ours:
                 signal.signal(number, previous)
         self._previous_handlers.clear()
 
-    def _die(self, number: int, frame: FrameType | None) -> None:
+    def _act_by_default(self, number: int, frame: FrameType | None) -> None:
         for callback in self.before_suspend:
             callback()
         self.restore()
         signal.signal(number, signal.SIG_DFL)
+        # To this thread: a signal to the process could be taken by another one, later.
         signal.pthread_kill(threading.get_ident(), number)
 
     def _suspend(self, number: int, frame: FrameType | None) -> None:
@@ -243,12 +244,7 @@ class Terminal:
         if self._is_busy and number == signal.SIGTSTP:
             self._is_asked_to_suspend = True
             return
-        for callback in self.before_suspend:
-            callback()
-        self.restore()
-        signal.signal(number, signal.SIG_DFL)
-        # To this thread: a signal to the process could be taken by another one, later.
-        signal.pthread_kill(threading.get_ident(), number)
+        self._act_by_default(number, frame)
         # The process stops here and goes on after SIGCONT; without a shell it does not stop.
         signal.signal(number, self._suspend)
         self._resume(number, frame)
