@@ -32,7 +32,7 @@ def test_time_that_jumps_back_begins_anew_and_standing(rig):
 def test_a_scan_that_waits_keeps_the_frame_that_was_said(make):
     navigation = make().navigation
     navigation.senses.place_frame('tag', 'base', Pose(np.array([0.3, 0.0, 0.2]), np.eye(3)))
-    navigation.take_scan(2.0, Ranges([1.0, 2.0, 3.0], -1.0, 1.0, 0.1, 6.0), 'tag')
+    navigation.senses.take_scan(2.0, Ranges([1.0, 2.0, 3.0], -1.0, 1.0, 0.1, 6.0), 'tag')
     odometry = from_odometry(odometry_at(Time(sec=2)))
     navigation.take_odometry(2.0, odometry, ('odom', 'base'))
     scan, _, _ = navigation.navigator.locator.steps[0]

@@ -107,7 +107,7 @@ def test_a_navigator_corrects_anybodys_scan_that_has_a_time_increment(
     for time in np.arange(0.0, 0.48, 0.01).tolist():
         pose = twisted(speed, rate, np.array([time]))[0]
         navigation.take_odometry(time, base_at(pose), ('odom', 'base'))
-    navigation.take_scan(begin, said(ranges, increment), 'base')
+    navigation.senses.take_scan(begin, said(ranges, increment), 'base')
     assert not taken  # its last ray is of a time that odometry has not told of
     pose = twisted(speed, rate, np.array([0.5]))[0]
     navigation.take_odometry(0.5, base_at(pose), ('odom', 'base'))
@@ -127,7 +127,7 @@ def test_a_time_that_no_lidar_takes_is_said_and_the_scan_ignored(
     navigation.warn = words.append
     navigation.take_odometry(0.0, base_at(np.zeros(3)), ('odom', 'base'))
     navigation.take_odometry(1.0, base_at(np.zeros(3)), ('odom', 'base'))
-    navigation.take_scan(0.5, said(ranges_of(np.zeros((len(RAYS), 3))), increment), 'base')
+    navigation.senses.take_scan(0.5, said(ranges_of(np.zeros((len(RAYS), 3))), increment), 'base')
     (word,) = words
     assert 'time_increment' in word and 'ignored' in word
     assert navigation.navigator.scans == 0

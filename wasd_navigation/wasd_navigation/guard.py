@@ -110,11 +110,6 @@ class Guard:
         self._ages = np.empty(0)  # since each was seen [s]
         self.last = Guarded(np.zeros(3))
 
-    @property
-    def points(self) -> np.ndarray:
-        """What is known to be around, shape (n, 2) [m], in the odom frame."""
-        return self._points
-
     def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
         """Take a scan and the odometry of its time, which is `age` [s] ago."""
         pose = odometry.pose

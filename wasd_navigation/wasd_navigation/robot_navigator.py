@@ -16,7 +16,7 @@ from wasd_navigation.navigator import Navigator, Outcome, REPLACED
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_keepout, make_parts, make_pilot, Parts
-from wasd_navigation.records import Ranges, Scan
+from wasd_navigation.records import Scan
 from wasd_navigation.senses import Senses
 from wasd_navigation.traversability import Traversability
 from wasd_navigation.waypoints import Waypoints
@@ -119,10 +119,6 @@ class RobotNavigator:
             self.warn('odom: has jumped (was it reset?)')
             self.stop('odometry has leapt')
         self.senses.add_odometry(now, odometry)
-
-    def take_scan(self, now: float, ranges: Ranges, frame: str) -> None:
-        """Take a scan of a time in the lidar's frame; it waits for odometry of that time."""
-        self.senses.take_scan(now, ranges, frame)
 
     def _see(self, scan: Scan, odometry: Odometry, age: float, now: float) -> None:
         self.navigator.see(scan, odometry, age)

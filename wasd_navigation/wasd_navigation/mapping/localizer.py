@@ -138,7 +138,6 @@ class Localizer:
         self._contradictions = Contradictions(grid, self._surfaces, self._noise)
         self._tracker = Tracker(self._noise)
         self.revision = 0
-        self.closures = 0
         self._misfits = 0
         self._search: Search | None = None
         self._moved = np.zeros(3)  # since the search began

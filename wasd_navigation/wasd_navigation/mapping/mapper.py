@@ -345,11 +345,7 @@ class Mapper:
         way = compose(compose(inverse(last), self.pose), inverse(here))
         known = turn_axes(invert(self._since + invert(told + SLIGHT)), -last[2])
         places.link((self._reference, nearest), way, known, sure=False)
-        self.closures += 1
-        self._unsolved += 1
-        if (off > LOOP_ERROR).any() or self._unsolved >= MOST_UNSOLVED:
-            self._unsolved = 0
-            self._solver.ask()
+        self._solve_soon(off)
 
     def _look_again(self, scan: Scan, surface: Surface) -> None:
         """Draw what is seen now where the robot has been before: things come and go."""
@@ -438,9 +434,12 @@ class Mapper:
         old = places.poses[nearest]
         known = turn_axes(TRUST * fit.information, -old[2])
         places.link((nearest, number), compose(inverse(old), fit.pose), known, sure=False)
+        self._solve_soon(np.abs(compose(inverse(pose), fit.pose)))
+
+    def _solve_soon(self, off: np.ndarray) -> None:
+        """Count a closed loop, and solve for the places where it is far off or one of many."""
         self.closures += 1
         self._unsolved += 1
-        off = np.abs(compose(inverse(pose), fit.pose))
         if (off > LOOP_ERROR).any() or self._unsolved >= MOST_UNSOLVED:
             self._unsolved = 0
             self._solver.ask()
