@@ -82,7 +82,7 @@ class KeyHold:
         self.longest = math.inf
         self._keys: dict[str, _Key] = {}
         self._ignored: dict[str, float] = {}  # since when nothing was heard of each [s]
-        self._first_timeout = FIRST_REPEAT_TIMEOUT
+        self.first_timeout = FIRST_REPEAT_TIMEOUT  # how long a first press counts [s]
 
     @property
     def held(self) -> tuple[str, ...]:
@@ -93,11 +93,6 @@ class KeyHold:
     def is_idle(self) -> bool:
         """Whether no key is remembered, so that time makes no difference."""
         return not (self._keys or self._ignored)
-
-    @property
-    def first_timeout(self) -> float:
-        """How long a first press counts [s]."""
-        return self._first_timeout
 
     def press(self, name: str) -> None:
         """Note a press or a repeat of a key."""
@@ -112,7 +107,7 @@ class KeyHold:
             state.is_overtaken = True
             state.leader = name if other in chord else ''
         self._keys.pop(name, None)
-        self._keys[name] = _Key(self._first_timeout)
+        self._keys[name] = _Key(self.first_timeout)
 
     def ignore_down(self) -> None:
         """Forget all keys; those that are down count again when they were let go."""
@@ -130,7 +125,7 @@ class KeyHold:
         """Note that a key is down, and that its release will be told."""
         if self.hear_ignored(name):
             return
-        key = self._keys.setdefault(name, _Key(self._first_timeout))
+        key = self._keys.setdefault(name, _Key(self.first_timeout))
         key.is_told = key.is_down = True
         key.age = 0.0
 
@@ -172,7 +167,7 @@ class KeyHold:
         is_even = max(first, second) <= EVEN_GAPS * min(first, second)
         if is_even and max(first, second) <= LONGEST_GAP and delay >= SHORTEST_DELAY:
             wanted = DELAY_FACTOR * delay + DELAY_MARGIN
-            self._first_timeout = min(wanted, LONGEST_FIRST_TIMEOUT)
+            self.first_timeout = min(wanted, LONGEST_FIRST_TIMEOUT)
 
     def _may_be_first_repeat(self, key: _Key) -> bool:
         """Whether a key given up too soon comes back: a delay longer than was thought."""

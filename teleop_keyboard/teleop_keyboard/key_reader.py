@@ -139,11 +139,6 @@ class KeyReader:
         ended = self.pipe is not None and self.pipe.closed and self.pipe.was_used
         return self.terminal.closed or ended
 
-    @property
-    def dropped(self) -> int:
-        """Number of byte sequences that were no known key."""
-        return sum(decoder.dropped for decoder in self._decoders.values())
-
     def __enter__(self) -> Self:
         """Enter raw mode on the terminal."""
         if self.terminal is not None:

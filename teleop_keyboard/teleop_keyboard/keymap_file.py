@@ -182,7 +182,6 @@ class _KeymapReader:
 
     def __init__(self, file_name: str, root: yaml.MappingNode) -> None:
         self._file_name = file_name
-        self._root = root
         self._fields = self._mapping(root, 'the keymap')
         for field, node in self._fields.items():
             if field not in (*REQUIRED, *OPTIONAL):

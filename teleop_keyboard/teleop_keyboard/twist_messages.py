@@ -77,7 +77,7 @@ TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': Twi
 STAMPED_CHOICES = ('auto', 'true', 'false')
 
 
-def declare_stamped(node: Node, default: str = 'auto') -> str:
+def declare_stamped(node: Node) -> str:
     """
     Declare the parameter `stamped` of a node; return auto, true or false.
 
@@ -92,7 +92,7 @@ def declare_stamped(node: Node, default: str = 'auto') -> str:
         read_only=True,
         dynamic_typing=True,
     )
-    value = node.declare_parameter('stamped', default, descriptor).value
+    value = node.declare_parameter('stamped', 'auto', descriptor).value
     text = str(value).lower()
     if text not in STAMPED_CHOICES:
         wanted = ', '.join(STAMPED_CHOICES)
