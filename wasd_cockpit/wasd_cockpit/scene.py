@@ -71,9 +71,9 @@ class Pool:
         """Return those that were used."""
         return self._geoms[: self._count]
 
-    def dot(self, place: np.ndarray, radius: float, rgb: style.Rgb, alpha: float = 1.0) -> None:
+    def dot(self, place: np.ndarray, radius: float, rgb: style.Rgb) -> None:
         """Put a sphere somewhere."""
-        geom = self._next(_SPHERE, rgb, alpha)
+        geom = self._next(_SPHERE, rgb, 1.0)
         geom.pos[:] = place
         geom.size[:] = radius
 

@@ -113,27 +113,25 @@ def _why_unusable(path: Path, may_be_empty: bool) -> str:
         time.sleep(MAKING / 10)
 
 
-def remove_segments_of_the_dead(
-    folder: Path = SHARED_MEMORY, young: float = YOUNG_SEGMENT
-) -> list[str]:
+def remove_segments_of_the_dead(folder: Path = SHARED_MEMORY) -> list[str]:
     """
     Remove segments of this user whose owner lives no more; return their names.
 
-    Those younger than `young` [s] stay. Whatever cannot be looked at or removed stays, too.
+    Those younger than YOUNG_SEGMENT stay. Whatever cannot be looked at or removed stays, too.
     """
     try:
         names = [entry.name for entry in os.scandir(folder) if SEGMENT_LOCK.fullmatch(entry.name)]
     except OSError:
         return []
-    return [name.removesuffix('_el') for name in names if _remove_if_dead(folder / name, young)]
+    return [name.removesuffix('_el') for name in names if _remove_if_dead(folder / name)]
 
 
-def _remove_if_dead(lock: Path, young: float) -> bool:
+def _remove_if_dead(lock: Path) -> bool:
     """Remove a segment and its lock while we hold the lock: then nobody else does."""
     try:
         with open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), 'rb') as file:
             status = os.fstat(file.fileno())
-            if status.st_uid != os.geteuid() or time.time() - status.st_mtime < young:
+            if status.st_uid != os.geteuid() or time.time() - status.st_mtime < YOUNG_SEGMENT:
                 return False
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             with contextlib.suppress(FileNotFoundError):
