@@ -250,11 +250,6 @@ class LegController:
             self._odometry = make_odometry(self.robot, *variances)
         return self._odometry
 
-    @property
-    def solver_failures(self) -> int:
-        """QPs that failed since construction, MPC and whole body together."""
-        return sum(solver.failures for solver in self._solvers)
-
     def press(self, key: str) -> str | None:
         """Take a key; a text for the driver when it does nothing, or not what one expects."""
         if key in STATE_KEYS and (key.isdigit() or key not in self.words.elsewhere):

@@ -42,7 +42,7 @@ def place(world, x, y, yaw):
 
 
 def ray_at(lidar, angle):
-    return round((angle - lidar.tag.min_angle) / lidar.angle_increment)
+    return round((angle - lidar.tag.min_angle) / lidar.tag.angle_increment)
 
 
 @pytest.mark.parametrize('yaw', [0.0, 0.4, -0.7])
@@ -57,7 +57,7 @@ def test_the_walls_of_the_room_are_where_they_are(room, make, yaw):
         (-math.pi / 2, half - 0.3),
     ):
         ray = ray_at(lidar, heading - yaw)
-        angle = lidar.tag.min_angle + ray * lidar.angle_increment - (heading - yaw)
+        angle = lidar.tag.min_angle + ray * lidar.tag.angle_increment - (heading - yaw)
         assert ranges[ray] == pytest.approx(wall / math.cos(angle), abs=0.006)
 
 

@@ -140,7 +140,8 @@ def test_every_state_gives_finite_commands_inside_the_limits(controller, state_k
     for part in (command.position, command.velocity, command.effort, command.kp, command.kd):
         assert np.isfinite(part).all()
     assert (np.abs(command.effort) <= controller.model.limits.effort).all()
-    assert controller.solver_failures == 0
+    walk = controller.locomotion
+    assert walk.mpc.solver.failures == walk.whole_body.solver.failures == 0
 
 
 @pytest.mark.slow

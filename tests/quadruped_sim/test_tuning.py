@@ -244,5 +244,6 @@ def test_another_horizon_is_taken_while_it_trots(model, trot):
     trot(controller)
     controller.tune(params.changed({'mpc.steps': 20}))
     trot(controller)
-    assert len(controller.locomotion.mpc.times) == 20
-    assert controller.solver_failures == 0
+    walk = controller.locomotion
+    assert len(walk.mpc.times) == 20
+    assert walk.mpc.solver.failures == walk.whole_body.solver.failures == 0

@@ -181,11 +181,6 @@ class Lidar:
         self._waited = 0.0  # since rays were cast [s]
         self._before: Pose | None = None  # where the lidar was then
 
-    @property
-    def angle_increment(self) -> float:
-        """Angle from one ray to the next [rad]."""
-        return self.tag.angle_increment
-
     def true_ranges(self) -> np.ndarray:
         """Return the distance along each ray now [m], shape (samples,); inf where nothing is."""
         data = self._snapshot.take()

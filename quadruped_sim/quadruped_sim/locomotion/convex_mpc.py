@@ -176,7 +176,6 @@ class ConvexMpc:
 
     def tune(self, params: MpcParameters) -> None:
         """Take other parameters, another horizon among them."""
-        self._params = params
         self.pyramids = FrictionPyramids(params.friction, params.force_min, params.force_max)
         n, dt = params.steps, params.step
         self.times = dt * np.arange(n)
