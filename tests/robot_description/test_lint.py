@@ -139,6 +139,19 @@ def test_the_page_lists_the_rules_as_they_are():
     assert '\n'.join([*head, *rows]) in page
 
 
+@for_all('root', ['svg', 'Robot', 'u:robot'])
+def test_a_file_whose_first_tag_is_no_robot_is_refused_by_name(root, tmp_path, capsys):
+    path = tmp_path / 'other.urdf'
+    path.write_text(f'<{root} xmlns:u="urdf" name="r" radius="x"><link name="a"/></{root}>')
+    for command in ('lint', 'fix'):
+        assert main([command, str(path)]) == 1
+        lines = ''.join(capsys.readouterr())
+        assert f'other.urdf:1: error: is <{root}>, wanted URDF or xacro [not-readable]' in lines
+    for command in ('info', 'expand'):
+        assert main([command, str(path)]) == 2
+        assert f'other.urdf:1: is <{root}>, wanted' in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_what_only_loading_refuses_is_an_error(tmp_path, capsys):
     links = ''.join(f'<link name="l{i}"/>' for i in range(500))

@@ -10,7 +10,7 @@ from wasd_core.safe_files import check_xml, LocatedError, parse_with_places, Pla
 
 from robot_description.xacro.processor import describe_document, process, unlisted
 from robot_description.xacro.sandbox import OutOfBounds, run_bounded
-from robot_description.xacro.source import check_format, check_name, tidy
+from robot_description.xacro.source import check_format, check_name, tidy, WANTED
 
 
 class Node(NamedTuple):
@@ -73,6 +73,10 @@ class XacroSession:
             Node(tag, attributes, text, Place(Path(place[0]), *place[1:]), parent)
             for tag, attributes, text, place, parent in answer['nodes']
         )
+        root = nodes[0]
+        if root.tag != 'robot':
+            reason = f'is <{root.tag}>, {WANTED}; make <robot> its first tag'
+            raise LocatedError(root.place, reason)
         warnings = tuple((unlisted(place), text) for place, text in answer['warnings'])
         return Expansion(answer['urdf'], nodes, warnings, tuple(self.sources))
 
