@@ -295,6 +295,7 @@ def _joint(tag: ElementTree.Element) -> Joint:
         raise DescriptionError(f'{where}: its axis is zero')
     if kind not in JOINT_KINDS:
         raise DescriptionError(f'{where}: type {kind!r}, wanted one of {", ".join(JOINT_KINDS)}')
+    axis = axis / np.abs(axis).max()  # so that its length neither overflows nor vanishes
     limit, dynamics, mimic = tag.find('limit'), tag.find('dynamics'), tag.find('mimic')
     lower, upper = (_number(limit, end, '0', where) for end in ('lower', 'upper'))
     # Limits of zero are none; exchanged ones are swapped.

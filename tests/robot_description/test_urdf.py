@@ -168,6 +168,12 @@ def test_a_fixed_joint_needs_no_axis():
     assert parse_urdf(text).joints['a_b'].kind == 'fixed'
 
 
+@for_all('length', ['1e-200', '1e200', '5e-324'])
+def test_an_axis_of_any_length_is_a_direction(length):
+    text = robot('a', 'b', rest=joint('a', 'b', 'revolute', f'<axis xyz="0 -{length} 0"/>'))
+    assert parse_urdf(text).joints['a_b'].axis.tolist() == [0.0, -1.0, 0.0]
+
+
 def test_a_robot_knows_what_a_simulator_needs():
     text = (
         '<robot name="r"><material name="leaf"><color rgba="0 1 0 1"/></material>'
