@@ -311,8 +311,8 @@ def _joint(tag: ElementTree.Element) -> Joint:
         velocity=_number(limit, 'velocity', '0', where),
         lower=-math.inf if is_free else min(lower, upper),
         upper=math.inf if is_free else max(lower, upper),
-        damping=_number(dynamics, 'damping', '0', where),
-        friction=_number(dynamics, 'friction', '0', where),
+        damping=_loss(dynamics, 'damping', where),
+        friction=_loss(dynamics, 'friction', where),
         mimics=mimic.get('joint', '') if mimic is not None else '',
         multiplier=_number(mimic, 'multiplier', '1', where),
         offset=_number(mimic, 'offset', '0', where),
@@ -323,6 +323,14 @@ def _joint(tag: ElementTree.Element) -> Joint:
 
 def _number(tag: ElementTree.Element | None, attribute: str, default: str, where: str) -> float:
     return float(read_numbers(tag, attribute, default, where)[0])
+
+
+def _loss(dynamics: ElementTree.Element | None, attribute: str, where: str) -> float:
+    """Return what takes energy of a motion: below zero it would drive the joint."""
+    loss = _number(dynamics, attribute, '0', where)
+    if loss < 0.0:
+        raise DescriptionError(f'{where}: {attribute} needs a number from 0 up, got {loss:g}')
+    return loss
 
 
 def _name_of(joint: ElementTree.Element, end: str) -> str:

@@ -174,6 +174,13 @@ def test_an_axis_of_any_length_is_a_direction(length):
     assert parse_urdf(text).joints['a_b'].axis.tolist() == [0.0, -1.0, 0.0]
 
 
+@for_all('loss', ['damping', 'friction'])
+def test_a_damping_or_friction_that_would_drive_the_joint_is_refused(loss):
+    text = robot('a', 'b', rest=joint('a', 'b', inner=f'<dynamics {loss}="-3"/>'))
+    with pytest.raises(DescriptionError, match=f"'a_b': {loss} needs a number from 0 up, got -3"):
+        parse_urdf(text)
+
+
 def test_a_robot_knows_what_a_simulator_needs():
     text = (
         '<robot name="r"><material name="leaf"><color rgba="0 1 0 1"/></material>'

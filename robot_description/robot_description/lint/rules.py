@@ -56,7 +56,7 @@ RULES = {
              'a joint has no type that URDF knows, no parent or child, or an axis of zero',
              'complete the joint'),
         Rule('bad-number', ERROR,
-             'a number is missing, not a number, not finite, or a size is not positive',
+             'a number is missing, not a number, not finite, or too small, as a size of 0',
              'write a finite number; sizes are above 0'),
         Rule('missing-limit', ERROR,
              'a revolute or prismatic joint has no limit, or one without effort or velocity',

@@ -28,7 +28,8 @@ CHILDREN = {
     'geometry': ('box', 'cylinder', 'sphere', 'mesh', 'capsule'),
     'material': ('color', 'texture'),
 }
-# Tag: its attributes, each with how many numbers it is; `+` for sizes, which are above zero.
+# Tag: its attributes, each with how many numbers it is; `+` for sizes, which are above
+# zero, `+0` for what may be zero, too.
 ATTRIBUTES = {
     tag: {name: count for name, _, count in (word.partition(':') for word in attributes.split())}
     for tag, attributes in {
@@ -44,8 +45,8 @@ ATTRIBUTES = {
         'parent': 'link',
         'child': 'link',
         'axis': 'xyz:3',
-        'limit': 'lower:1 upper:1 effort:1 velocity:1 acceleration deceleration jerk',
-        'dynamics': 'damping:1 friction:1',
+        'limit': 'lower:1 upper:1 effort:1+0 velocity:1+0 acceleration deceleration jerk',
+        'dynamics': 'damping:1+0 friction:1+0',
         'mimic': 'joint multiplier:1 offset:1',
         'calibration': 'rising falling reference_position',
         'safety_controller': 'soft_lower_limit soft_upper_limit k_position k_velocity',
@@ -145,6 +146,8 @@ def _wrong(text: str, wanted: str) -> str | None:
         return 'is not finite'
     if wanted.endswith('+') and min(numbers) <= 0.0:
         return 'is not above zero'
+    if wanted.endswith('+0') and min(numbers) < 0.0:
+        return 'is below zero'
     return None
 
 
