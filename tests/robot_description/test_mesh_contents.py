@@ -86,6 +86,38 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(said, suffix, balls, tmp_
     assert '\n' not in str(caught.value)
 
 
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('number', ['1e300', '1e30', 'nan'])
+@pytest.mark.parametrize('suffix', ['obj', 'stl'])
+def test_points_that_are_no_lengths_make_no_mesh(suffix, number, tmp_path):
+    points = f'0 0 0,{number} 0 0,0 1 0'.split(',')
+    path = tmp_path / f'far.{suffix}'
+    if suffix == 'stl':
+        corners = ' '.join(f'vertex {point}' for point in points)
+        facet = f'facet normal 0 0 1 outer loop {corners} endloop endfacet'
+        path.write_text(f'solid far\n{facet}\nendsolid far\n')
+    else:
+        path.write_text(''.join(f'v {point}\n' for point in points) + 'f 1 2 3\n')
+    with pytest.raises(ValueError, match=f'far.{suffix}: '):
+        load_mesh(path)
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_scale_that_makes_a_mesh_endless_is_refused(robot, balls, tmp_path):
+    (tmp_path / 'ball.stl').write_bytes(balls['stl'])
+    path = robot(f'<collision>{mesh("ball.stl", "1e300 1 1")}</collision>')
+    (record,) = load_robot(str(path)).meshes.repairs
+    assert (record.kind, 'its scale makes it 2e+299 m large' in record.note) == ('unusable', True)
+
+
+@pytest.mark.parametrize('suffix', ['step', 'fbx', 'off'])
+def test_a_format_that_is_not_read_is_told_those_that_are(suffix, tmp_path):
+    path = tmp_path / f'part.{suffix}'
+    path.write_text('OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n')
+    with pytest.raises(ValueError, match='no mesh by its name: export it as .obj, .stl, .dae'):
+        load_mesh(path)
+
+
 def test_a_binary_stl_may_have_something_behind_its_end(balls, tmp_path):
     path = tmp_path / 'ball.stl'
     path.write_bytes(balls['stl'] + b'made by somebody')

@@ -20,6 +20,7 @@ import numpy as np
 from wasd_core.cache import cache_folder
 from wasd_core.errors import one_line
 
+from robot_description.meshes.files import EXTENSIONS
 from robot_description.robot import Robot, Shape
 
 # Raise it when what is cached changes.
@@ -33,6 +34,8 @@ MOST_KEPT = 32
 # The largest mesh in example-robot-data, the Go1's trunk, has 29 MB. Of a million triangles, 50 MB
 # as an STL, readers take 0.8 GB of memory.
 LARGEST_FILE = 52_000_000
+# A point farther from the origin than this is a mistake, not a mesh [m].
+FARTHEST = 1e9
 # glTF is in metres with y up, except what trimesh wrote. Other formats, but Collada, do not say
 # what they are in: they are taken as they are.
 GLTF = ('.glb', '.gltf')
@@ -194,8 +197,11 @@ def _beside_gltf(path: Path) -> int:
         return 0
 
 
+@np.errstate(all='ignore')  # readers compute with any numbers, which are looked at below
 def _read_mesh(path: Path) -> Mesh:
     suffix = path.suffix.lower()
+    if suffix not in EXTENSIONS:
+        raise ValueError(f'{path}: is no mesh by its name: export it as {", ".join(EXTENSIONS)}')
     try:
         # Here, because readers take longer to load than a cached mesh.
         if suffix == '.dae':
@@ -212,8 +218,8 @@ def _read_mesh(path: Path) -> Mesh:
         raise ValueError(f'{path}: cannot be read as a mesh: {one_line(error)}') from None
     if not len(faces):
         raise ValueError(f'{path}: no triangles in it')
-    if not np.isfinite(vertices).all():
-        raise ValueError(f'{path}: some of its points are not numbers')
+    if not (np.abs(vertices) < FARTHEST).all():
+        raise ValueError(f'{path}: some of its points are not numbers, or no lengths')
     return Mesh(vertices.astype(np.float32), faces.astype(np.int32))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_description.meshes.load import extent
+from robot_description.meshes.load import extent, FARTHEST
 from robot_description.meshes.resolver import (
     EXACT,
     GUESSED,
@@ -75,10 +75,12 @@ def _edges(shape: Shape, file: Path) -> np.ndarray:
         scale = ' '.join(f'{factor:g}' for factor in shape.scale)
         raise ValueError(f'scale="{scale}" leaves nothing of it')
     low, high, area = extent(file)
-    edges = high - low
+    edges = (high - low).astype(float)
     if area <= LEAST_AREA * edges.max() ** 2:
         raise ValueError(f'{file}: its triangles have no area')
     scaled: np.ndarray = edges * np.abs(shape.scale)
+    if scaled.max() > FARTHEST:
+        raise ValueError(f'{file}: its scale makes it {scaled.max():.3g} m large')
     return scaled
 
 
