@@ -42,13 +42,16 @@ class RobotParts:
             if joint.bodyid[0] == self.root and joint.type[0] == free:
                 at, moving = int(joint.qposadr[0]), int(joint.dofadr[0])
                 self.pose, self.twist = slice(at, at + 7), slice(moving, moving + 6)
+        # Told by the tree: what a world's file moves is nobody's, whatever it is called.
         own = [
-            joint for joint in joints if joint.type[0] != free and joint.name.startswith(prefix)
+            joint
+            for joint in joints
+            if joint.type[0] != free and model.body_rootid[joint.bodyid[0]] == self.root
         ]
         self.joint_names = tuple(self._own_name(joint.name) for joint in own)
         self.position = np.array([joint.qposadr[0] for joint in own], dtype=int)
         self.velocity = np.array([joint.dofadr[0] for joint in own], dtype=int)
-        self.motors = self._find_motors()
+        self.motors = self._find_motors([joint.id for joint in own])
         names = [model.actuator(i).name for i in range(model.nu)]
         self.motor_names = tuple(map(self._own_name, names[self.motors]))
         self.motor_joint = np.array(
@@ -63,9 +66,13 @@ class RobotParts:
         kind = mujoco.mjtObj.mjOBJ_BODY
         return int(mujoco.mj_name2id(self._model, kind, self.prefix + link))
 
-    def _find_motors(self) -> slice:
-        names = [self._model.actuator(i).name for i in range(self._model.nu)]
-        own = [index for index, name in enumerate(names) if name.startswith(self.prefix)]
+    def _find_motors(self, joints: list[int]) -> slice:
+        moved = np.where(
+            self._model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT,
+            self._model.actuator_trnid[:, 0],
+            -1,
+        )
+        own = np.flatnonzero(np.isin(moved, joints)).tolist()
         # Those of one robot follow each other, as its specification was attached in one piece.
         return slice(own[0], own[-1] + 1) if own else slice(0, 0)
 

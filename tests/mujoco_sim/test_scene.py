@@ -86,6 +86,19 @@ def test_a_model_file_is_put_around_the_robot(loaded, tmp_path):
     np.testing.assert_allclose(world.base().position, np.zeros(3), atol=5e-5)
 
 
+def test_what_a_model_file_moves_is_no_part_of_the_robot(loaded, tmp_path):
+    path = tmp_path / 'hall.xml'
+    door = '<body name="door" pos="3 0 1"><joint name="hinge"/><geom size="0.1"/></body>'
+    motors = '<motor name="opener" joint="hinge"/><motor joint="hinge"/>'
+    path.write_text(
+        MJCF.replace('</worldbody>', f'{door}</worldbody><actuator>{motors}</actuator>')
+    )
+    world, alone = build_world(loaded, str(path)), build_world(loaded)
+    assert world.model.nu == alone.model.nu + 2
+    assert (world.joint_names, world.motor_names) == (alone.joint_names, alone.motor_names)
+    world.step(10)
+
+
 def test_an_unknown_world_lists_the_known_ones(loaded):
     with pytest.raises(SimulationError, match='moon: no such file, .*worlds: flat, room'):
         build_world(loaded, 'moon')
