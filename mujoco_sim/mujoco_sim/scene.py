@@ -323,6 +323,7 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         )
     try:
         surroundings = mujoco.MjSpec.from_file(str(path))
+        surroundings.compile()  # here, where its mistakes are known to be the file's
         spec.worldbody.add_frame().attach_body(surroundings.worldbody, 'world/', '')
     except ValueError as error:
         raise SimulationError(f'{world}: {one_line(error)}') from None

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import math
 import sys
 from typing import NamedTuple, TYPE_CHECKING
+import warnings
 
 import mujoco
 import numpy as np
@@ -281,7 +282,10 @@ class Physics:
         if mujoco.get_mju_user_warning() is None:
             mujoco.set_mju_user_warning(_warn)
         try:
-            self.model = spec.compile()
+            with warnings.catch_warnings():
+                # MuJoCo has printed it: Python would again, with a line of our source.
+                warnings.filterwarnings('ignore', 'Attach conflict')
+                self.model = spec.compile()
         except ValueError as error:
             raise SimulationError(f'MuJoCo: {one_line(error)}') from None
         self.data, self._options = mujoco.MjData(self.model), self.model.opt

@@ -99,6 +99,21 @@ def test_what_a_model_file_moves_is_no_part_of_the_robot(loaded, tmp_path):
     world.step(10)
 
 
+@pytest.mark.filterwarnings('error')
+def test_options_of_a_model_file_that_do_not_count_are_told_once(loaded, tmp_path, capfd):
+    path = tmp_path / 'hall.xml'
+    path.write_text(MJCF.replace('<worldbody>', '<option timestep="0.1"/><worldbody>'))
+    assert build_world(loaded, str(path)).model.opt.timestep == 0.001
+    assert capfd.readouterr().err.count('Attach conflict') == 1
+
+
+def test_what_a_model_file_lacks_is_said_with_its_name(loaded, tmp_path):
+    path = tmp_path / 'hall.xml'
+    path.write_text('<mujoco><asset><mesh name="a" file="nowhere.stl"/></asset></mujoco>')
+    with pytest.raises(SimulationError, match=f'^{path}: .*nowhere.stl'):
+        build_world(loaded, str(path))
+
+
 def test_an_unknown_world_lists_the_known_ones(loaded):
     with pytest.raises(SimulationError, match='moon: no such file, .*worlds: flat, room'):
         build_world(loaded, 'moon')
