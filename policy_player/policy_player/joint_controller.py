@@ -63,8 +63,9 @@ class JointController:
             self._theirs = self._find(player)
             player.reset()
             self._stand.position[self._theirs] = player.default
-            if player.ranges is not None:
+            if player.ranges is not None:  # nobody's command is 0, which training may not have had
                 low, high = np.array(player.ranges).T
+                low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
         self._low, self._high = low, high
         self._age = Watchdog(TIMEOUT)
         self.reset()

@@ -147,6 +147,21 @@ def test_a_velocity_ramps_within_the_ranges_of_training_and_is_forgotten(walking
     assert not walking.velocity.any()
 
 
+def test_who_is_not_commanded_stands_though_training_never_stood(order):
+    player = player_of(order, ranges=((0.5, 1.0), (-0.3, -0.1), (0.2, 0.2)))
+    controller = JointController(G1_JOINTS, g1_stand(G1_JOINTS), player)
+    run(controller, 0.1)
+    controller.press('2')
+    run(controller, SETTLE_TIME)
+    controller.press('p')
+    controller.command((5.0, -5.0, 5.0))
+    run(controller, 0.2)
+    assert controller.velocity.all()
+    controller.command((0.0, 0.0, 0.0))
+    run(controller, 1.0)
+    assert not controller.velocity.any()
+
+
 @pytest.mark.parametrize('bad', [np.nan, np.inf])
 def test_what_is_no_number_never_reaches_a_motor(walking, bad):
     assert 'no number' in walking.command((bad, 0.0, 0.0))

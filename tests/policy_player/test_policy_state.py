@@ -4,7 +4,7 @@
 import dataclasses
 
 import numpy as np
-from policy_files import constant, exporter, MOTORS, rl_sar, torchscript, write
+from policy_files import constant, exporter, mjlab, MOTORS, onnx, rl_sar, torchscript, write
 import pytest
 from quadruped_sim.states.policy import SETTLE_TIME
 import wasd
@@ -142,6 +142,19 @@ def test_commands_reach_the_network_by_ramps_and_end_when_nobody_repeats_them(do
     dog.press(' ')
     dog.run(2.0)
     np.testing.assert_allclose(shown[-1], 0.0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_who_is_not_commanded_stands_though_training_never_stood(tmp_path):
+    path, told = tmp_path / 'walk.onnx', {'command_ranges': '0.5;1,-0.3;-0.1,0.2;0.2'}
+    told |= {'default_joint_pos': ','.join(map(str, HOME)), 'joint_stiffness': '60'}
+    path.write_bytes(onnx(*constant(45, np.zeros(12)), mjlab(MOTORS, **told)))
+    dog = wasd.Go2(seed=1, policy=path)
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('p')
+    dog.run(SETTLE_TIME + 0.1)
+    np.testing.assert_allclose(player(dog).observation[6:9], 0.0, atol=1e-6)
 
 
 @pytest.mark.slow

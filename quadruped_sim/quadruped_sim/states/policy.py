@@ -91,8 +91,9 @@ class Policy(Trotting):
         self._ours = np.argsort(self._theirs)
         self._sign, self._zero = quadruped.sign, quadruped.zero
         self._low, self._high = -np.full(3, np.inf), np.full(3, np.inf)
-        if walker.ranges is not None:
-            self._low, self._high = np.array(walker.ranges).T
+        if walker.ranges is not None:  # nobody's command is 0, which training may not have had
+            low, high = np.array(walker.ranges).T
+            self._low, self._high = np.minimum(low, 0.0), np.maximum(high, 0.0)
 
     @property
     def failure(self) -> str | None:
