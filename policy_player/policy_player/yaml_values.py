@@ -5,13 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from wasd_core.errors import DescriptionError, one_line
-from wasd_core.parameter_file import compose_yaml, construct, LARGEST_YAML
+from wasd_core.parameter_file import compose_yaml, construct, LARGEST_YAML, line_of
+from wasd_core.parameters import shown
 from wasd_core.safe_files import read_file
 import yaml
 
 from policy_player.spec import PolicyError
 
 _PYTHON = 'tag:yaml.org,2002:python/'
+_MERGE = 'tag:yaml.org,2002:merge'
 # What means "all of them", and a list that Python could not change.
 _ALL, _TUPLE = f'{_PYTHON}object/apply:builtins.slice', f'{_PYTHON}tuple'
 
@@ -46,15 +48,18 @@ def _value(node: yaml.Node) -> Any:
         if node.tag != _TUPLE or not isinstance(node, yaml.SequenceNode):
             tag = node.tag.removeprefix('tag:yaml.org,2002:')
             raise PolicyError(
-                f':{node.start_mark.line + 1}: !!{tag} is refused, no code was run: '
-                'write the value itself'
+                f':{line_of(node)}: !!{tag} is refused, no code was run: write the value itself'
             )
     if isinstance(node, yaml.MappingNode):
-        pairs = [(str(key.value), _value(value)) for key, value in node.value]
-        names = [name for name, _ in pairs]
-        if len(set(names)) != len(names):
-            raise PolicyError(f':{node.start_mark.line + 1}: a name is there twice')
-        return dict(pairs)
+        found: dict[str, Any] = {}
+        for key, value in node.value:
+            name = str(key.value)
+            if key.tag == _MERGE:
+                raise PolicyError(f':{line_of(key)}: "<<" is not read: write its values out')
+            if name in found:
+                raise PolicyError(f':{line_of(key)}: {shown(name)} is there twice')
+            found[name] = _value(value)
+        return found
     if isinstance(node, yaml.SequenceNode):
         return [_value(item) for item in node.value]
     value = construct(node)

@@ -120,6 +120,22 @@ def test_so_is_metadata(tmp_path, change, words):
     assert words in refusal(path)
 
 
+def test_values_merged_into_others_are_refused_not_lost(tmp_path, policy):
+    path = write(tmp_path, 'deploy.yaml', deploy(MOTORS))
+    text = path.read_text()
+    path.write_text(text.replace('base_ang_vel:', 'base_ang_vel:\n    <<: {scale: 0.7}', 1))
+    line = 2 + text.splitlines().index('  base_ang_vel:')
+    assert refusal(policy, path) == f'{path}:{line}: "<<" is not read: write its values out'
+
+
+def test_a_name_that_is_there_twice_is_told_with_its_line(tmp_path, policy):
+    path = write(tmp_path, 'deploy.yaml', deploy(MOTORS))
+    text = path.read_text()
+    path.write_text(f'{text}step_dt: 0.01\n')
+    line = 1 + len(text.splitlines())
+    assert refusal(policy, path) == f"{path}:{line}: 'step_dt' is there twice"
+
+
 def test_a_missing_history_and_another_width_are_told_by_their_terms(tmp_path):
     for width, words in ((270, 'a history of 6 steps?'), (48, 'without linear_velocity?')):
         path = tmp_path / 'policy.pt'
