@@ -12,8 +12,12 @@ from dataclasses import replace
 import math
 from typing import Any
 
+from wasd_core.parameters import shown
+
 from policy_player.spec import (
     check_numbers,
+    LONGEST_HISTORY,
+    MOST_JOINTS,
     MOTOR_ORDER,
     NAMES,
     Numbers,
@@ -30,6 +34,8 @@ _ABSOLUTE = 'joint_pos'
 _SWITCHES = ('use_gym_history', 'scale_first')
 _FREE = (-math.inf, math.inf)
 _ALL_FREE = ((-math.inf,), (math.inf,))
+# Steps that a term may show; 0 is 1.
+_LENGTHS = range(LONGEST_HISTORY + 1)
 USUAL_PERIOD = 0.02
 
 
@@ -60,7 +66,7 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
         'clip': _clips(metadata, called),
         'ages': [
             tuple(range(max(1, int(n)) - 1, -1, -1))
-            for n in _per_term(metadata, 'history_length', called, 0.0, most=200.0)
+            for n in _per_term(metadata, 'history_length', called, 0.0, _LENGTHS)
         ],
     }
     built = tuple(
@@ -101,8 +107,6 @@ def _told_clip(metadata: Mapping[str, str], count: int) -> tuple[Numbers, Number
     pairs = _told_pairs(metadata, 'action_clip', count)
     if pairs is None or set(pairs) == {_FREE}:
         return _ALL_FREE
-    if not all(low < high for low, high in pairs):
-        raise PolicyError('metadata action_clip: wanted low < high')
     return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
 
 
@@ -114,16 +118,24 @@ def _floats(words: list[str], name: str) -> list[float]:
 
 
 def _per_term(
-    metadata: Mapping[str, str], key: str, called: list[str], usual: float, most: float = math.inf
+    metadata: Mapping[str, str],
+    key: str,
+    called: list[str],
+    usual: float,
+    among: range | None = None,
 ) -> list[float]:
     name = f'observation_terms_{key}'
     if name not in metadata:
         return [usual] * len(called)
     found = _floats([word.strip() for word in metadata[name].split(',')], f'metadata {name}')
-    if len(found) != len(called) or not all(math.isfinite(n) and n <= most for n in found):
+    if len(found) != len(called) or not all(math.isfinite(n) for n in found):
         raise PolicyError(
             f'metadata {name}: got {metadata[name][:60]!r}, wanted {len(called)} numbers, '
             'one an observation'
+        )
+    if among is not None and not all(n in among for n in found):
+        raise PolicyError(
+            f'metadata {name}: got {metadata[name][:60]!r}, wanted whole numbers up to {among[-1]}'
         )
     return found
 
@@ -178,7 +190,10 @@ def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
         raise PolicyError(f'{where}.joint_ids: wanted all joints in their order')
     offset = action.get('offset')
     observations = _mapping(values, 'observations')
-    switches = {name: bool(observations.get(name, False)) for name in _SWITCHES}
+    switches = {name: observations.get(name) or False for name in _SWITCHES}
+    for name, value in switches.items():
+        if not isinstance(value, bool):
+            raise PolicyError(f'observations.{name}: got {shown(value)}, wanted true or false')
     terms = tuple(
         _deployed_term(name, said, count, switches['scale_first'])
         for name, said in observations.items()
@@ -215,8 +230,10 @@ def _deployed_term(name: str, said: Any, count: int, scales_first: bool) -> Term
     width = width_of(called, count)
     scale, clip = said.get('scale'), said.get('clip')
     length = said.get('history_length', 1)
-    if not isinstance(length, int) or not 0 <= length <= 200:
-        raise PolicyError(f'{where}.history_length: got {length!r}, wanted 0 to 200')
+    if length not in _LENGTHS:
+        raise PolicyError(
+            f'{where}.history_length: got {shown(length)}, wanted 0 to {LONGEST_HISTORY}'
+        )
     pair = (-math.inf, math.inf)
     if clip is not None:
         low, high = check_numbers(clip, 2, f'{where}.clip')
@@ -226,7 +243,7 @@ def _deployed_term(name: str, said: Any, count: int, scales_first: bool) -> Term
         scale=(1.0,) if scale is None else check_numbers(scale, width, f'{where}.scale'),
         clip=pair,
         scales_first=scales_first,
-        ages=tuple(range(max(length, 1) - 1, -1, -1)),
+        ages=tuple(range(max(int(length), 1) - 1, -1, -1)),
     )
 
 
@@ -275,8 +292,11 @@ def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpe
     """
     said = {**_section(base), **_section(values)}
     count = _need(said, 'num_of_dofs')
-    if not isinstance(count, int) or not 0 < count <= 100:
-        raise PolicyError(f'num_of_dofs: got {count!r}, wanted a number of joints')
+    if count not in range(1, MOST_JOINTS + 1):
+        raise PolicyError(
+            f'num_of_dofs: got {shown(count)}, wanted a whole number from 1 to {MOST_JOINTS}'
+        )
+    count = int(count)
     if said.get('wheel_indices'):
         raise PolicyError('wheel_indices: wheels are not played')
     ages = _history(said.get('observations_history'))
@@ -298,10 +318,11 @@ def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpe
         for end in ('lower', 'upper')
     ]
     assumed = []
-    step, times = said.get('dt'), said.get('decimation')
-    if step is None or times is None:
-        assumed.append('dt 0.005 s and a decimation of 4: no base.yaml beside says them')
-        step, times = 0.005, 4
+    steps = [said.get('dt'), said.get('decimation')]
+    for at, (name, usual) in enumerate((('dt', 0.005), ('decimation', 4))):
+        if steps[at] is None:
+            assumed.append(f'{name} {usual:g}: neither config.yaml nor base.yaml says it')
+            steps[at] = usual
     return PolicySpec(
         source='config.yaml',
         joints=_rl_sar_joints(said, count, assumed),
@@ -311,7 +332,7 @@ def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpe
         action_scale=check_numbers(_need(said, 'action_scale'), count, 'action_scale'),
         action_offset=default,
         terms=tuple(terms),
-        period=math.prod(check_numbers([step, times], 2, 'dt, decimation')),
+        period=math.prod(check_numbers(steps, 2, 'dt, decimation')),
         action_clip=(clips[0], clips[1]),
         observation_clip=check_numbers(_need(said, 'clip_obs'), 1, 'clip_obs')[0],
         by_time=priority == 'time',

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from wasd_core.errors import suggest, UserError
+from wasd_core.parameters import shown
 
 # Terms of an observation: how many numbers each has; 0 is one a joint.
 WIDTHS = {
@@ -68,6 +69,8 @@ MOTOR_ORDER = {
 # Steps of a policy [s], and how far back it may look.
 SHORTEST_PERIOD, LONGEST_PERIOD, LONGEST_HISTORY = 0.001, 0.2, 200
 MOST_JOINTS = 100
+# No number of a policy is larger: products of them with any action are finite.
+LARGEST = 1e12
 
 
 class PolicyError(UserError):
@@ -150,6 +153,20 @@ class PolicySpec:
             raise PolicyError(
                 f'period: got {self.period:g} s, wanted {SHORTEST_PERIOD:g} to {LONGEST_PERIOD:g}'
             )
+        if self.phase_period and not SHORTEST_PERIOD <= self.phase_period <= LARGEST:
+            raise PolicyError(
+                f'phase_period: got {self.phase_period:g} s, '
+                f'wanted {SHORTEST_PERIOD:g} to {LARGEST:g}'
+            )
+        for name, (lows, highs) in (('action', self.action_clip), ('target', self.target_clip)):
+            if not all(low < high for low, high in zip(lows, highs, strict=True)):
+                raise PolicyError(f'{name} clip: wanted low < high')
+        if not self.observation_clip > 0.0:
+            raise PolicyError(
+                f'observation clip: got {self.observation_clip:g}, wanted more than 0'
+            )
+        if not all(low <= high for low, high in self.ranges or ()):
+            raise PolicyError(f'ranges of the command: got {self.ranges}, wanted low <= high')
         if not self.terms:
             raise PolicyError('observations: there are none')
         for term in self.terms:
@@ -160,13 +177,10 @@ class PolicySpec:
     def _check_term(self, term: Term) -> None:
         if term.name not in WIDTHS:
             raise PolicyError(f'observation {term.name!r}: not known{suggest(term.name, WIDTHS)}')
-        if term.name == 'phase' and not self.phase_period > 0.0:
+        if term.name == 'phase' and not self.phase_period:
             raise PolicyError('observation phase: phase_period is missing, in seconds')
-        width = self.width_of(term)
-        if len(term.scale) not in (1, width) or not all(map(math.isfinite, term.scale)):
-            raise PolicyError(
-                f'observation {term.name}: got {len(term.scale)} scales, wanted {width}, finite'
-            )
+        width = 1 if len(term.scale) == 1 else self.width_of(term)
+        check_numbers(term.scale, width, f'observation {term.name}: scale')
         if not term.clip[0] < term.clip[1]:
             raise PolicyError(f'observation {term.name}: clip {term.clip} leaves nothing')
         if not term.ages or not all(0 <= age < LONGEST_HISTORY for age in term.ages):
@@ -236,7 +250,7 @@ def term_name(called: str, names: Mapping[str, str] = NAMES) -> str:
     """
     if called not in names:
         raise PolicyError(
-            f'observation {called!r}: this robot does not measure it{suggest(called, names)}'
+            f'observation {shown(called)}: this robot does not measure it{suggest(called, names)}'
         )
     return names[called]
 
@@ -250,8 +264,8 @@ def check_numbers(values: Any, count: int, name: str) -> Numbers:
     """
     many = values if isinstance(values, (list, tuple)) else [values] * count
     is_plain = all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in many)
-    if not is_plain or not all(math.isfinite(one) for one in many):
-        raise PolicyError(f'{name}: got {str(values)[:60]}, wanted finite numbers')
+    if not is_plain or not all(abs(one) <= LARGEST for one in many):
+        raise PolicyError(f'{name}: got {shown(values)}, wanted numbers up to {LARGEST:g}')
     if len(many) != count:
         raise PolicyError(f'{name}: got {len(many)} numbers, wanted {count}')
     return tuple(float(one) for one in many)

@@ -32,7 +32,8 @@ def test_it_says_what_the_file_says(tmp_path, capsys):
         'stiffness    40 N m/rad',
         'default      0 0.8 -1.6 0 0.8',
         'observation  command x 2 2 0.25',
-        'assumed      dt 0.005 s and a decimation of 4',
+        'assumed      dt 0.005: neither config.yaml nor base.yaml says it',
+        'assumed      decimation 4: neither',
     ):
         assert words in told
 

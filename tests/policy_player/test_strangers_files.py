@@ -54,6 +54,10 @@ def policy(tmp_path):
     return path
 
 
+turned = {'base_velocity': {'ranges': {'lin_vel_x': [1, -1], 'lin_vel_y': 0, 'ang_vel_z': 0}}}
+crossed = {'scale': 0.25, 'clip': [[1, -1]] * 12}
+
+
 @for_all(
     ('change', 'words'),
     [
@@ -73,6 +77,13 @@ def policy(tmp_path):
         ({'stiffness': [-1.0] * 12}, 'a negative gain'),
         ({'default_joint_pos': None}, 'default_joint_pos: it is missing'),
         ({'step_dt': 5.0}, 'period: got 5 s'),
+        ({'step_dt': '0.02'}, "step_dt: got '0.02', wanted numbers"),
+        ({'stiffness': [1e308] * 12}, 'stiffness: got [1e+308'),
+        ({'default_joint_pos': 10**300}, 'default_joint_pos: got 1000'),
+        ({'commands': turned}, 'ranges of the command: got ((1.0, -1.0)'),
+        ({'actions': {'JointPositionAction': crossed}}, 'target clip: wanted low < high'),
+        ({'observations': {'use_gym_history': 'false'}}, "use_gym_history: got 'false'"),
+        ({'observations': {'y' * 9000: None}}, 'y...: this robot does not measure it'),
         ({'actions': {'JointTorqueAction': {}}}, 'only JointPositionAction is played'),
         ({'actions': 3}, 'actions: wanted names with values'),
     ],
@@ -96,6 +107,8 @@ def test_a_configuration_in_doubt_is_refused_by_the_name_of_the_term(
         ({'joint_mapping': [0] * 12}, 'joint_mapping: wanted each of 0 to 11 once'),
         ({'num_of_dofs': 'twelve'}, 'num_of_dofs'),
         ({'rl_kd': None}, 'rl_kd: it is missing'),
+        ({'clip_obs': 0}, 'observation clip: got 0, wanted more than 0'),
+        ({'clip_actions_lower': 3.0}, 'action clip: wanted low < high'),
     ],
 )
 def test_so_is_one_of_rl_sar(tmp_path, policy, change, words):
@@ -110,6 +123,11 @@ def test_so_is_one_of_rl_sar(tmp_path, policy, change, words):
         ({'observation_terms_scale': '1,2'}, 'observation_terms_scale'),
         ({'observation_terms_clip': '1'}, 'observation_terms_clip'),
         ({'observation_terms_history_length': '1e9,0,0,0,0,0'}, 'history_length'),
+        ({'observation_terms_history_length': '-5,0,0,0,0,0'}, 'wanted whole numbers up to 200'),
+        ({'observation_terms_history_length': '1.7,0,0,0,0,0'}, 'wanted whole numbers up to 200'),
+        ({'observation_terms_scale': '1e308,1,1,1,1,1'}, 'angular_velocity: scale: got (1e+308'),
+        ({'command_ranges': 'nan;nan,0;0,0;0'}, 'ranges of the command: got ((nan, nan)'),
+        ({'phase_period': '1e-320'}, 'phase_period: got 9.99989e-321 s, wanted 0.001 to'),
         ({'action_scale': '1,2'}, 'metadata action_scale: got 2 numbers, wanted 12'),
         ({'joint_names': ','.join([MOTORS[0]] * 12)}, 'wanted 1 to 100 different names'),
     ],
@@ -118,6 +136,22 @@ def test_so_is_metadata(tmp_path, change, words):
     path = tmp_path / 'walk.onnx'
     path.write_bytes(onnx(*ZERO, mjlab(MOTORS, **change)))
     assert words in refusal(path)
+
+
+def test_whole_numbers_may_be_written_as_others(tmp_path, policy):
+    shown = {name: {'history_length': 1.0} for name in deploy(MOTORS)['observations']}
+    path = write(tmp_path, 'deploy.yaml', deploy(MOTORS, observations=shown))
+    assert read_policy(policy, path).spec.terms[0].ages == (0,)
+    path = write(tmp_path, 'config.yaml', rl_sar(MOTORS, num_of_dofs=12.0))
+    assert len(read_policy(policy, path).spec.joints) == 12
+
+
+def test_of_rl_sars_step_only_what_no_file_says_is_assumed(tmp_path, policy):
+    path = write(tmp_path, 'config.yaml', rl_sar(MOTORS, dt=0.002))
+    spec = read_policy(policy, path).spec
+    assert spec.period == pytest.approx(0.008)
+    assert 'decimation 4: neither config.yaml nor base.yaml says it' in spec.assumed
+    assert not any(words.startswith('dt') for words in spec.assumed)
 
 
 def test_values_merged_into_others_are_refused_not_lost(tmp_path, policy):
