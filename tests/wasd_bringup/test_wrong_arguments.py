@@ -154,7 +154,11 @@ def test_the_environment_refuses_wrong_values():
     for given in makes:
         assert next(iter(given)) in refused(lambda given=given: Go2Environment(**given))
     env = Go2Environment()
+    with pytest.raises(wasd.UserError, match='call reset first'):
+        env.step(np.zeros(12))
+    assert refused(lambda: env.reset(seed=-1)).startswith('reset: seed: got -1')
     options: tuple[Any, ...] = (5, {'command': 'abc'}, {'command': (1, 2, NAN)}, {'comand': 5})
+    options += ({5: 5}, {None: 5})
     for given in options:
         assert refused(lambda given=given: env.reset(options=given)).startswith('reset: ')
     assert 'did you mean command?' in refused(lambda: env.reset(options={'comand': (0, 0, 0)}))
@@ -164,3 +168,13 @@ def test_the_environment_refuses_wrong_values():
         said = refused(lambda action=action: env.step(action))
         assert said.endswith(', wanted 12 finite numbers')
     env.step(np.zeros(12, np.float32))
+
+
+def test_the_environment_takes_a_world_by_its_path_and_seeds_of_numpy():
+    pytest.importorskip('gymnasium')
+    from wasd.environment import Go2Environment
+
+    env = Go2Environment(Path('flat'))
+    first, _ = env.reset(seed=3)
+    second, _ = env.reset(seed=np.int64(3))
+    np.testing.assert_array_equal(first, second)

@@ -13,6 +13,7 @@ The Go2 as a Gymnasium environment, for those who train; needs the extra `gym`.
 from dataclasses import replace
 from functools import partial
 import math
+import os
 from typing import Any
 
 import gymnasium
@@ -29,6 +30,7 @@ from quadruped_sim.height_scan import height_scan
 from robot_description.description import Description, load_robot
 from wasd_core.arguments import check, checked
 from wasd_core.errors import suggest, UserError
+from wasd_core.parameters import shown
 from wasd_core.robot_io import BaseState, JointCommand, Senses
 from wasd_core.rotations import Pose, rpy_matrix
 
@@ -101,7 +103,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
     @checked
     def __init__(
         self,
-        world: str = 'flat',
+        world: str | os.PathLike[str] = 'flat',
         *,
         randomise: float = 0.0,
         noise: bool = True,
@@ -116,7 +118,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         if render_mode not in (None, 'rgb_array'):
             raise UserError(f'render_mode: got {render_mode!r}, wanted rgb_array or None')
         self.render_mode = render_mode
-        self._world_name, self._noise, self._level = world, noise, randomise
+        self._world_name, self._noise, self._level = os.fspath(world), noise, randomise
         self._has_heights = heights
         self._physics_step = physics_step
         self._given = None if command is None else np.array(command, float)
@@ -130,6 +132,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         )
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (12,), np.float32)
         self._build(0)
+        self._has_begun = False
         self._picture: Offscreen | None = None
 
     @checked
@@ -144,10 +147,13 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         """
         for name in options or ():
             if name != 'command':
-                raise UserError(f'reset: unknown option {name!r}{suggest(name, ["command"])}')
+                hint = suggest(str(name), ['command'])
+                raise UserError(f'reset: unknown option {shown(name)}{hint}')
         given = (options or {}).get('command', self._given)
         check('reset: command', given, Command | None)
-        super().reset(seed=seed)
+        if seed is not None and seed < 0:
+            raise UserError(f'reset: seed: got {seed}, wanted a whole number >= 0 or None')
+        super().reset(seed=None if seed is None else int(seed))
         drawn = int(self.np_random.integers(2**31))
         if self._level > 0.0:
             self._build(drawn)
@@ -156,7 +162,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         self._observer.reset()
         command = self.np_random.uniform(self._low, self._high) if given is None else given
         self._command = np.array(command, float)
-        self._action = np.zeros(12)
+        self._action, self._has_begun = np.zeros(12), True
         return self._observe(), {'truth': self._world.base(), 'command': self._command.copy()}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -164,10 +170,12 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         Hold joint targets for 20 ms.
 
         Raises:
-            UserError: the action is not twelve finite numbers.
+            UserError: the action is not twelve finite numbers, or no episode has begun.
         """
         if not _is_plain(action):
             check('step: action', action, ACTION)
+        if not self._has_begun:
+            raise UserError('step: no episode has begun, call reset first')
         before = self._action
         self._action = np.minimum(np.maximum(np.asarray(action, float), -1.0), 1.0)
         position = (self._default + self._scale * self._action)[self._motors]
