@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ _VERSION, _OPERATORS = 8, 17
 
 
 def write_layers(
-    path: Path, spec: PolicySpec, layers: Sequence[tuple[np.ndarray, np.ndarray]]
+    path: str | os.PathLike[str], spec: PolicySpec, layers: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> None:
     """Write linear layers, weight (out, in) and bias (out,), with ELU between them."""
     graph, name = b'', 'obs'
@@ -45,7 +46,7 @@ def write_layers(
     model += _field(8, _field(1, b'') + _number(2, _OPERATORS))
     for key, value in metadata_of(spec).items():
         model += _field(14, _field(1, key.encode()) + _field(2, value.encode()))
-    path.write_bytes(model)
+    Path(path).write_bytes(model)
 
 
 def metadata_of(spec: PolicySpec) -> dict[str, str]:

@@ -139,7 +139,7 @@ def test_a_long_physics_step_moves_the_robot_as_a_short_one():
 
 
 def test_a_network_of_the_environment_is_written_and_read_as_it_was_trained(tmp_path):
-    write_layers(tmp_path / 'a.onnx', SPEC, [(np.zeros((12, SPEC.width)), np.zeros(12))])
+    write_layers(str(tmp_path / 'a.onnx'), SPEC, [(np.zeros((12, SPEC.width)), np.zeros(12))])
     spec = read_policy(tmp_path / 'a.onnx').spec
     assert replace(spec, source=NAME, assumed=(), observation_clip=100.0) == SPEC
 
