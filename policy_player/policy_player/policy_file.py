@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads a policy from its files: the network and its training settings."""
 
+import os
 from pathlib import Path
 import time
 from typing import NamedTuple
@@ -112,7 +113,7 @@ def _read_config(path: Path) -> PolicySpec:
     try:
         values = read_values(path)
     except PolicyError as error:
-        known = f'{error}{suggest(str(path), PRESETS)}' if not path.exists() else str(error)
+        known = f'{error}{suggest(str(path), PRESETS)}' if not os.path.exists(path) else str(error)
         raise _ConfigError(known) from None
     try:
         if 'joint_ids_map' in values:

@@ -184,6 +184,12 @@ def test_who_is_told_nothing_is_told_what_to_give(policy):
     assert 'legged_gym, legged_gym_rough, playground' in refusal(policy)
 
 
+@for_all('name', ['x' * 5000, 'a\0b'])
+def test_a_name_that_no_file_can_have_is_refused_in_a_line(tmp_path, policy, name):
+    for path, config in ((name, None), (policy, name)):
+        assert refusal(path, config).startswith(name)
+
+
 def test_a_tag_of_python_is_never_run(tmp_path, policy):
     mark = tmp_path / 'mark'
     text = yaml.safe_dump(deploy(MOTORS), sort_keys=False)
