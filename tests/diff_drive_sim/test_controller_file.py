@@ -249,3 +249,5 @@ def test_a_file_that_is_none_is_named(tmp_path):
     (tmp_path / 'picture').write_bytes(b'\xff\xfe\x00\x80')
     with pytest.raises(InvalidParameter, match='picture: not a text file'):
         read_controller_file(str(tmp_path / 'picture'))
+    with pytest.raises(InvalidParameter, match='embedded null byte'):
+        read_controller_file('drive\0.yaml')

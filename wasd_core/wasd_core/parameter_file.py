@@ -67,7 +67,7 @@ def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:
         text = read_text(Path(path), 'utf-8-sig').expandtabs(8)
     except UnicodeDecodeError:
         raise InvalidParameter(f'{path}: not a text file') from None
-    except OSError as error:
+    except (OSError, ValueError) as error:  # a name with a null byte
         raise InvalidParameter(f'{path}: {one_line(error)}') from None
     try:
         root = compose_yaml(text)
