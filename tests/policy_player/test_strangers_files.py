@@ -2,6 +2,8 @@
 """Files of strangers: nothing of them runs, and what is wrong is said in one line."""
 
 import pickle
+import subprocess
+import sys
 import zipfile
 
 from cases import for_all
@@ -294,6 +296,20 @@ def test_an_action_in_numbers_of_another_precision_is_played(tmp_path, rng, kind
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_a_network_that_draws_draws_the_same_in_each_process(tmp_path):
+    path = tmp_path / 'walk.onnx'
+    path.write_bytes(onnx(*ZERO, mjlab(MOTORS), last='RandomNormalLike'))
+    script = (
+        'import sys; from policy_player.policy_file import read_policy; '
+        'network = read_policy(sys.argv[1]).network; print(network(0.0).tolist())'
+    )
+    words = [sys.executable, '-c', script, str(path)]
+    first, second = (subprocess.run(words, capture_output=True, check=True) for _ in range(2))
+    assert first.stdout.startswith(b'[')
+    assert first.stdout == second.stdout
+
+
 def test_networks_that_cannot_be_played_are_refused_by_what_is_odd(tmp_path):
     path = tmp_path / 'walk.onnx'
 
