@@ -149,9 +149,9 @@ def height(
     Judge how far off the height is at the end: by a length [m] and a share of the way.
 
     Every jump must have been a jump. Of `thrown` throws at least one must end in a fall: some the
-    robot survives on its feet, after others it stumbles first and counts as fallen twice. It falls
-    in the RISING seconds after a throw alone, goes passive once a throw at most, and drives at the
-    end.
+    robot survives on its feet, after others it stumbles first and counts as fallen twice. It may
+    fall only in the RISING seconds after a throw, goes passive at most once a throw, and drives at
+    the end.
     """
 
     def trial(trace: Trace) -> Trial:

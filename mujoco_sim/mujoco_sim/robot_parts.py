@@ -42,7 +42,7 @@ class RobotParts:
             if joint.bodyid[0] == self.root and joint.type[0] == free:
                 at, moving = int(joint.qposadr[0]), int(joint.dofadr[0])
                 self.pose, self.twist = slice(at, at + 7), slice(moving, moving + 6)
-        # Told by the tree: what a world's file moves is nobody's, whatever it is called.
+        # By the tree of bodies, not by names: a world's file may have joints of its own.
         own = [
             joint
             for joint in joints

@@ -173,7 +173,7 @@ class Actuation:
             self._stacked = stacked
             can_change = getattr(command[0], 'flags', np.ones(1).flags).writeable
             self._told = None if can_change else command
-        # What holds a command says it again and again: once is enough, it stays in force.
+        # A state that holds still sends the same command each tick: it is queued once.
         coming = self._pending[-1][1] if self._pending else self._in_force
         if self._stacked is not coming:
             if self._delay:
@@ -329,7 +329,7 @@ class Physics:
             )
 
     def _advance(self, count: int, *, are_read: bool) -> None:
-        """Let MuJoCo step; `are_read`, after the last step, are the sensors or not."""
+        """Let MuJoCo step; it computes the sensors in the last step alone, if they `are_read`."""
         self.tick += count
         if all(robot.is_kinematic for robot in self.robots):
             return

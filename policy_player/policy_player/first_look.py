@@ -78,7 +78,7 @@ def open_session(model: bytes | str) -> Any:
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.log_severity_level = 4
     onnxruntime.set_default_logger_severity(4)
-    onnxruntime.set_seed(0)  # of networks that draw their actions; else the clock's
+    onnxruntime.set_seed(0)  # else the clock seeds networks that draw their actions
     try:
         return onnxruntime.InferenceSession(model, options, ['CPUExecutionProvider'])
     except Exception as error:  # its own classes, which say nothing more

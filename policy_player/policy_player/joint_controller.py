@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 from wasd_core.errors import suggest
-from wasd_core.robot_io import JointCommand, JointTargets, Reading, Senses
+from wasd_core.robot_io import command_bounds, JointCommand, JointTargets, Reading, Senses
 from wasd_core.timing import Watchdog
 
 from policy_player.observations import gravity_in_base
@@ -58,15 +58,12 @@ class JointController:
         self.joints, self._player = tuple(joints), player
         self._theirs = np.arange(0)
         self._stand = JointTargets(*(np.array(part, dtype=float) for part in stand))
-        low, high = np.array(USUAL_RANGES).T
+        ranges = player.ranges if player is not None else None
+        self._low, self._high = command_bounds(ranges or USUAL_RANGES)
         if player is not None:
             self._theirs = self._find(player)
             player.reset()
             self._stand.position[self._theirs] = player.default
-            if player.ranges is not None:  # nobody's command is 0, which training may not have had
-                low, high = np.array(player.ranges).T
-                low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-        self._low, self._high = low, high
         self._age = Watchdog(TIMEOUT)
         self.reset()
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records between simulator and controller: readings, commands, the base's state."""
 
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
@@ -108,6 +109,19 @@ class JointTargets(NamedTuple):
     position: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
+
+
+def command_bounds(ranges: Sequence[tuple[float, float]] | None) -> np.ndarray:
+    """
+    Return the least and the largest command that a walker is given, (2, 3).
+
+    They are the ranges of its training, and 0: the command where nobody drives, even if training
+    never had it. Without ranges they are infinite.
+    """
+    if ranges is None:
+        return np.array(((-math.inf,) * 3, (math.inf,) * 3))
+    low, high = np.array(ranges).T
+    return np.stack((np.minimum(low, 0.0), np.maximum(high, 0.0)))
 
 
 class Reading(NamedTuple):

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from wasd_core.errors import suggest, UserError
 from wasd_core.jit import jit
-from wasd_core.robot_io import JointCommand, JointTargets, Senses
+from wasd_core.robot_io import command_bounds, JointCommand, JointTargets, Senses
 from wasd_core.timing import ROUNDING
 
 from quadruped_sim.robot_model import NO_TORQUE
@@ -90,10 +90,7 @@ class Policy(Trotting):
         self._theirs = np.array([names.index(name) for name in walker.joints])
         self._ours = np.argsort(self._theirs)
         self._sign, self._zero = quadruped.sign, quadruped.zero
-        self._low, self._high = -np.full(3, np.inf), np.full(3, np.inf)
-        if walker.ranges is not None:  # nobody's command is 0, which training may not have had
-            low, high = np.array(walker.ranges).T
-            self._low, self._high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+        self._low, self._high = command_bounds(walker.ranges)
 
     @property
     def failure(self) -> str | None:
