@@ -45,8 +45,8 @@ class CommandFilter:
 
     State: the request, its age and the present command. One `step` ages the request and moves the
     command; a request older than `timeout` counts as zero. `grip` in (0, 1] slows the ramps on
-    slippery ground, and no command is faster than `most`. A robot whose `velocity` (2,), ahead and
-    to the left [m/s], is far behind would catch up with all the friction there is: its command
+    slippery ground, and no command is faster than `most`. A robot whose `velocity()` (2,), ahead
+    and to the left [m/s], is far behind would catch up with all the friction there is: its command
     waits, unless it slows down.
     """
 
@@ -85,9 +85,8 @@ class CommandFilter:
         self._limits, self._able = (
             (share * np.min(part, axis=0)).tolist() for part in zip(*bounds, strict=True)
         )
-        self._acceleration = GAITS[stepped].agility * np.array(
-            (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)
-        )
+        ramps = params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration
+        self._acceleration = [GAITS[stepped].agility * ramp for ramp in ramps]
         self._age.timeout = params.timeout
         self._request = self._clamped(*self._request.tolist())
         self._asked: tuple[float, float, float] | None = None  # what the request was clamped from
@@ -104,7 +103,8 @@ class CommandFilter:
         self.command = np.zeros(3)
         self.grip = 1.0
         self.most = math.inf  # the speed that the ground ahead allows [m/s]
-        self.velocity: np.ndarray | None = None  # not known: it waits for nobody
+        # Asked only when the command has to change; not known: it waits for nobody.
+        self.velocity: Callable[[], np.ndarray] | None = None
         self.forget_request()
 
     def forget_request(self) -> None:
@@ -174,7 +174,7 @@ class CommandFilter:
             _approach,
             self.command.tolist(),
             target,
-            self._acceleration.tolist(),
+            self._acceleration,
             (plane, plane, slow),
         )
         # On its way from one curve to another the yaw rate waits for the speed.
@@ -186,10 +186,14 @@ class CommandFilter:
         """Share in [0, 1] of its ramp that a command takes toward a target."""
         if self.velocity is None:
             return 1.0
-        (vx, vy, _), (x, y) = self.command.tolist(), self.velocity.tolist()
-        more_x, more_y, ahead, left = target[0] - vx, target[1] - vy, vx - x, vy - y
-        is_behind = ahead * more_x + left * more_y > 0.0
-        if vx * more_x + vy * more_y < 0.0 or not is_behind:  # nobody has to wait to go slower
+        vx, vy, _ = self.command.tolist()
+        more_x, more_y = target[0] - vx, target[1] - vy
+        # Nobody has to wait to go on as before, or slower.
+        if more_x == more_y == 0.0 or vx * more_x + vy * more_y < 0.0:
+            return 1.0
+        x, y = self.velocity().tolist()
+        ahead, left = vx - x, vy - y
+        if not ahead * more_x + left * more_y > 0.0:  # it is not behind
             return 1.0
         return min(max(2.0 - math.hypot(ahead, left) / self._leash, 0.0), 1.0)
 

@@ -32,7 +32,7 @@ from quadruped_sim.parameters import LegControllerParameters, scale_parameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import make_odometry, read_legs, RobotState, turn_base
-from quadruped_sim.safety import FallWatch, Safety, sound_height
+from quadruped_sim.safety import FallWatch, Safety
 from quadruped_sim.states import ControllerParts, make_states
 from quadruped_sim.states.driving import damping_command, Passive
 from quadruped_sim.states.jump import highest
@@ -354,8 +354,7 @@ class LegController:
 
     def _answer(self, good: Reading, dt: float, truth: BaseState | None) -> JointCommand:
         """Estimate, change the state if that is due, and take a step of it."""
-        robot = self._estimate(good, dt, truth)
-        height = sound_height(robot.flat)
+        robot, height = self._estimate(good, dt, truth)
         if math.isnan(height):
             return self._recover(good, 'the estimate is not finite')
         self._last_sound[:] = self._robot_bytes
@@ -435,8 +434,10 @@ class LegController:
         mpc, whole_body = self._solvers
         return max(mpc.failures_in_a_row, whole_body.failures_in_a_row)
 
-    def _estimate(self, reading: Reading, dt: float, truth: BaseState | None) -> RobotState:
-        """Base, feet, contacts and dynamics at this reading."""
+    def _estimate(
+        self, reading: Reading, dt: float, truth: BaseState | None
+    ) -> tuple[RobotState, float]:
+        """Base, feet, contacts and dynamics at this reading; the base's `sound_height` [m]."""
         robot, base, joints = self._robot, self._robot.base, reading.joints
         assert reading.imu is not None  # `filter_reading` lets none without one through
         measured = reading.imu.orientation, self._measured
@@ -447,17 +448,18 @@ class LegController:
             self._filter(reading.imu, normal, is_trotting, dt)
         else:
             base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
-        self._feel(joints.effort, normal, dt)
-        return robot
+        return robot, self._feel(joints.effort, normal, dt)
 
-    def _feel(self, efforts: np.ndarray, normal: np.ndarray, dt: float) -> None:
+    def _feel(self, efforts: np.ndarray, normal: np.ndarray, dt: float) -> float:
         """Dynamics, and forces, contacts and the load by the joints' torques (12,) [N m]."""
         state = self._machine.state
         is_up = not (state is StateName.PASSIVE or self._states[state].is_lying)
         if not is_up:
             self._load.reset()
         stages, seen, tick = (self._detector.flat, self._load.flat), (efforts, normal), (dt, is_up)
-        feel_ground(self._robot.flat, self.model.rigid, stages, seen, self._touch_rules, tick)
+        return feel_ground(
+            self._robot.flat, self.model.rigid, stages, seen, self._touch_rules, tick
+        )
 
     def _rules_of_touch(self) -> np.ndarray:
         """Return flat `TouchRules`."""

@@ -63,6 +63,10 @@ class RobotState:
             object.__setattr__(self, name, view_of(flat[name], part))
         object.__setattr__(self, 'flat', flat)
 
+    def planar_velocity(self) -> np.ndarray:
+        """Velocity of the base ahead and to the left (2,), base axes [m/s]."""
+        return np.asarray(self.base.velocity @ self.base.R)[:2]
+
     @classmethod
     def blank(cls) -> 'RobotState':
         """Return a state of zeros, to be written into."""
@@ -182,3 +186,27 @@ def make_odometry(
         pose_covariance=np.diag([position_variance] * 3 + rotation),
         twist_covariance=np.diag([velocity_variance] * 3 + [_RATE_VARIANCE] * 3),
     )
+
+
+@jit
+def sound_height(robot: np.ndarray) -> float:
+    """
+    Return how high the base of a flat `RobotState` is over its lowest foot [m].
+
+    NaN unless all that it tells of base, feet and dynamics is below 1e150.
+    """
+    state = robot[0]
+    base, dynamics = state.base, state.dynamics
+    squares = 0.0
+    for k in range(3):
+        squares += base.position[k] ** 2 + base.velocity[k] ** 2 + base.omega[k] ** 2
+        squares += base.rpy[k] ** 2 + dynamics.com[k] ** 2
+        for i in range(4):
+            squares += state.feet[i, k] ** 2 + state.forces[i, k] ** 2
+    for i in range(4):
+        squares += state.orientation[i] ** 2 + state.normal_forces[i] ** 2
+    for i in range(18):
+        squares += dynamics.bias[i] ** 2
+        for k in range(18):
+            squares += dynamics.mass[i, k] ** 2
+    return -lowest_foot(robot) if math.isfinite(squares) else math.nan

@@ -8,7 +8,6 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import JointCommand, Reading
 
 from quadruped_sim.robot_model import JointLimits
-from quadruped_sim.robot_state import lowest_foot
 from quadruped_sim.tuning import SafetyParameters
 
 # Of the base's height in the stand: a robot is up from the one share on, and down below the other.
@@ -115,36 +114,12 @@ class Safety:
         parts = np.concatenate(command).reshape(5, -1)
         if not _limit(parts, self._limits.effort):
             return None
-        parts.flags.writeable = False
+        parts.setflags(write=False)
         return JointCommand(*parts)
 
 
 def _is_finite(reading: Reading) -> bool:
     return reading.imu is not None and _is_sound(*reading.joints, *reading.imu)
-
-
-@jit
-def sound_height(robot: np.ndarray) -> float:
-    """
-    Return how high the base of a flat `RobotState` is over its lowest foot [m].
-
-    NaN unless all that it tells of base, feet and dynamics is below 1e150.
-    """
-    state = robot[0]
-    base, dynamics = state.base, state.dynamics
-    squares = 0.0
-    for k in range(3):
-        squares += base.position[k] ** 2 + base.velocity[k] ** 2 + base.omega[k] ** 2
-        squares += base.rpy[k] ** 2 + dynamics.com[k] ** 2
-        for i in range(4):
-            squares += state.feet[i, k] ** 2 + state.forces[i, k] ** 2
-    for i in range(4):
-        squares += state.orientation[i] ** 2 + state.normal_forces[i] ** 2
-    for i in range(18):
-        squares += dynamics.bias[i] ** 2
-        for k in range(18):
-            squares += dynamics.mass[i, k] ** 2
-    return -lowest_foot(robot) if math.isfinite(squares) else math.nan
 
 
 @jit

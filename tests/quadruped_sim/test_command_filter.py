@@ -66,7 +66,7 @@ def test_with_half_the_grip_it_speeds_up_half_as_fast():
 def test_a_command_waits_for_a_robot_that_is_far_behind(behind, share):
     command_filter = CommandFilter(CommandParameters(leash=0.35))
     settle(command_filter, 0.5, (1.0, 0.0, 0.0))
-    command_filter.velocity = np.array((1.0 - behind, 0.0))
+    command_filter.velocity = lambda: np.array((1.0 - behind, 0.0))
     command_filter.request(2.0, 0.0, 0.0)
     assert command_filter.step(DT)[0] - 1.0 == pytest.approx(share * 2.0 * DT, abs=1e-12)
 
@@ -75,7 +75,7 @@ def test_a_command_waits_for_a_robot_that_is_far_behind(behind, share):
 def test_a_command_to_stop_waits_for_nobody(velocity):
     command_filter = CommandFilter(CommandParameters())
     settle(command_filter, 1.0, (1.0, 0.0, 0.0))
-    command_filter.velocity = np.array(velocity)
+    command_filter.velocity = lambda: np.array(velocity)
     np.testing.assert_allclose(settle(command_filter, 0.5, (0.0, 0.0, 0.0)), 0.0, atol=1e-12)
 
 

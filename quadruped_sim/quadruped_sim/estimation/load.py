@@ -11,7 +11,7 @@ from quadruped_sim.algebra import cross3, flatten, put, rotate_back
 from quadruped_sim.dynamics import Dynamics, find_dynamics
 from quadruped_sim.estimation.touch import feel_touch, find_touch, TouchRule
 from quadruped_sim.leg_kinematics import find_contact_points
-from quadruped_sim.robot_state import place_base
+from quadruped_sim.robot_state import place_base, sound_height
 
 # Of the model's mass: the least and the largest that is believed; of the shift of the centre of
 # mass along x and y, the largest [m], on the Go2.
@@ -136,9 +136,11 @@ def feel_ground(
     seen: tuple[np.ndarray, np.ndarray],
     rules: np.ndarray,
     tick: tuple[float, bool],
-) -> None:
+) -> float:
     """
     Write into a flat `RobotState` that knows its base and joints all that follows of these.
+
+    Return its `sound_height`.
 
     That are its place, its dynamics, forces, contacts and contact points, and its load. `rigid`
     are flat `Bodies` and `Links`, `stages` a flat `Felt` and `LoadState`, `rules` flat
@@ -157,3 +159,4 @@ def feel_ground(
     find_contact_points(state.motion, up, rule.radius, state.contact)
     if is_up:
         feel_load(stages[1], robot, rule.load, dt)
+    return sound_height(robot)

@@ -169,28 +169,29 @@ def joint_command(
     """
     parts = np.empty((5, 12))
     gains = params.swing_kp, params.swing_kd, params.stance_kd
-    targets = plain(reference), plain(swing)
+    targets = plain(reference), plain(swing), effort
     robot = model.rigid[0], state.flat
     _find_joint_targets(plain(model.geometry), robot, targets, gains, parts)
-    return JointCommand(parts[0], parts[1], effort + parts[4], parts[2], parts[3])
+    return JointCommand(*parts)
 
 
 @jit
 def _find_joint_targets(
     leg: LegGeometry,
     rigid_robot: tuple[np.ndarray, np.ndarray],
-    targets: tuple[BaseReference, SwingTargets],
+    targets: tuple[BaseReference, SwingTargets, np.ndarray],
     gains: tuple[float, float, float],
     parts: np.ndarray,
 ) -> None:
     """
-    Write joint angles and rates, both gains, and what the joints lose at these rates, (5, 12).
+    Write a `JointCommand`, (5, 12), with efforts that add what the joints lose at its rates.
 
     `rigid_robot` are flat `Bodies` and a flat `RobotState`.
     """
     bodies, robot = rigid_robot[0][0], rigid_robot[1]
     base, motion = robot[0].base, robot[0].motion
     reference, swing = BaseReference(*targets[0]), SwingTargets(*targets[1])
+    effort = targets[2]
     swing_kp, swing_kd, stance_kd = gains
     R = base.R
     position, rates = parts[0], parts[1]
@@ -217,6 +218,7 @@ def _find_joint_targets(
         joint_rates = rotate(inverse, relative)
         for k in range(3):
             rates[3 * i + k] = joint_rates[k]
-            parts[4, 3 * i + k] = drag(bodies, 3 * i + k, joint_rates[k])
-            parts[2, 3 * i + k] = 0.0 if swing.is_stance[i] else swing_kp
-            parts[3, 3 * i + k] = stance_kd if swing.is_stance[i] else swing_kd
+            loss = drag(bodies, 3 * i + k, joint_rates[k])
+            parts[2, 3 * i + k] = effort[3 * i + k] + loss
+            parts[3, 3 * i + k] = 0.0 if swing.is_stance[i] else swing_kp
+            parts[4, 3 * i + k] = stance_kd if swing.is_stance[i] else swing_kd

@@ -86,6 +86,8 @@ class Locomotion:
         self.schedule = self.gait.state()
         self._flat_feet, self._feet = blank_feet()
         self.is_stance, self.trust = self._feet.is_stance, self._feet.trust
+        # What base and feet shall do in a tick is written over that of the one before.
+        self._wanted, self._targets = blank_reference(), blank_targets(self.is_stance)
         stages = FootStages(
             self.ground.flat,
             self.reference.flat,
@@ -148,11 +150,10 @@ class Locomotion:
         `is_halting` ends stepping in place as soon as the robot may stand.
         """
         self.sight.look(state.base.position, dt)
-        speed = math.hypot(float(command[0]), float(command[1])) + self._turning_radius * abs(
-            float(command[2])
-        )
+        vx, vy, yaw_rate = command.tolist()
+        speed = math.hypot(vx, vy) + self._turning_radius * abs(yaw_rate)
         in_place = self._params.gait.step_in_place and not is_halting
-        is_driven = in_place or max(map(abs, command.tolist())) > 1e-3
+        is_driven = in_place or max(abs(vx), abs(vy), abs(yaw_rate)) > 1e-3
         wants_steps = is_driven or self._is_unsteady(state)
         error = self._velocity_error(state, command)
         stepped = self.gait.is_stepping
@@ -198,15 +199,18 @@ class Locomotion:
 
     def _velocity_error(self, state: RobotState, command: np.ndarray) -> float:
         """Return how far the velocity is off the commanded [m/s]."""
-        c, s = math.cos(float(state.base.rpy[2])), math.sin(float(state.base.rpy[2]))
+        yaw = state.base.rpy.item(2)
+        c, s = math.cos(yaw), math.sin(yaw)
         vx, vy, _ = state.base.velocity.tolist()
         ahead, left = c * vx + s * vy, c * vy - s * vx
-        return math.hypot(ahead - float(command[0]), left - float(command[1]))
+        return math.hypot(ahead - command.item(0), left - command.item(1))
 
     def _settle_height(self, dt: float) -> float:
         """Height of the base above the ground, on its way to that which the ground asks for."""
         most = dt * self._height_rate
-        raised = self.step_height.raised * max(1.0 - self.ground.slope / STEEP, 0.0)
+        raised = self.step_height.raised
+        if raised > 0.0:  # what takes no time on even ground
+            raised *= max(1.0 - self.ground.slope / STEEP, 0.0)
         ahead = self._nominal_height + raised - self._height
         self._height += min(max(ahead, -most), most)
         return self._height
@@ -229,7 +233,7 @@ class Locomotion:
     ) -> tuple[BaseReference, SwingTargets]:
         """Find who stands, on what, and what base and feet in the air shall do."""
         legs, schedule = self.swing_legs, plain(self.schedule)
-        wanted, targets = blank_reference(float(command[2])), blank_targets(self.is_stance)
+        wanted, targets = self._wanted._replace(yaw_rate=float(command[2])), self._targets
         aims = FootAims(plain(wanted), plain(targets), legs.lift_off, legs.hips, legs.room)
         asked = command, self._settle_height(dt), dt, self.gait.is_stepping
         stages = self._stages, self._rules_of(dt)

@@ -37,7 +37,7 @@ class BaseReference(NamedTuple):
     yaw_rate: float
 
 
-def blank_reference(yaw_rate: float) -> BaseReference:
+def blank_reference(yaw_rate: float = 0.0) -> BaseReference:
     """Return a reference to be written into."""
     return BaseReference(np.empty(3), np.empty(3), np.empty(3), yaw_rate)
 

@@ -143,6 +143,8 @@ class Sight:
     @property
     def tread(self) -> Plane | None:
         """What the feet stand on, as a plane's normal and frame; None where it is not seen."""
+        if self.terrain is None:  # quicker than to ask for the share
+            return None
         return self._state.tread if self._state.tread_share[0] > 0.0 else None
 
 

@@ -431,7 +431,7 @@ class Trotting(State):
         locomotion = self._parts.locomotion
         self._parts.command_filter.grip = locomotion.grip.share
         self._parts.command_filter.most = locomotion.sight.most
-        self._parts.command_filter.velocity = (robot.base.velocity @ robot.base.R)[:2]
+        self._parts.command_filter.velocity = robot.planar_velocity
         command = self._parts.command_filter.step(dt, may_go=locomotion.is_up)
         result = locomotion.step(robot, command, dt)
         self.trust = locomotion.trust
