@@ -3,6 +3,8 @@ from dataclasses import dataclass
 import gc
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from typing import ClassVar
@@ -15,6 +17,7 @@ from rclpy.event_handler import EventHandler
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
+from terminals import PATIENCE
 from wasd_core.errors import UserError
 from wasd_core.node import run_node
 from wasd_core.parameters import InvalidParameter, parameter, Parameters
@@ -433,3 +436,30 @@ def test_all_messages_that_wait_are_handled_in_one_go(spawn, spin_until):
     time.sleep(0.2)  # all of them have arrived
     spawn.pump.handle(0.0)
     assert len(heard) == 31
+
+
+def test_a_program_ends_where_the_middleware_does_not_let_go(tmp_path):
+    program = tmp_path / 'stuck.py'
+    program.write_text(
+        """import ctypes
+
+from rclpy.node import Node
+from wasd_core import node, signals
+
+
+class Stuck(Node):
+    def close(self):
+        print('closed', flush=True)
+
+    def destroy_node(self):
+        ctypes.PyDLL(None).sleep(600)  # with Python's lock, as Fast DDS does
+
+
+signals.GOODBYE = 0.5
+node.run_node(lambda: Stuck('stuck'), [], lambda made, stop: None)
+"""
+    )
+    result = subprocess.run(
+        [sys.executable, program], capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
+    assert (result.returncode, result.stdout, result.stderr) == (1, 'closed\n', '')

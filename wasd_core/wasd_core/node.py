@@ -39,7 +39,7 @@ from wasd_core.network import (
 )
 from wasd_core.ros_parameters import misspelt_parameters
 from wasd_core.shared_memory import remove_segments_of_the_dead, why_no_shared_memory
-from wasd_core.signals import last_status, StopSignals
+from wasd_core.signals import last_status, letting_go, StopSignals
 from wasd_core.streams import never_wait, prepare_streams, print_error, visible
 
 # A node with a `close`.
@@ -208,7 +208,8 @@ def run_program(work: Callable[[StopSignals], None]) -> int:
             # The latter is Ctrl-C again, because leaving took too long: nothing to explain.
             pass
         finally:
-            rclpy.try_shutdown()
+            with letting_go():
+                rclpy.try_shutdown()
     return last_status(stop)
 
 
@@ -229,7 +230,8 @@ def open_node(make_node: Callable[[], NodeType], stop: StopSignals) -> Iterator[
         yield node
     finally:
         node.close()
-        node.destroy_node()
+        with letting_go():
+            node.destroy_node()
 
 
 def run_node(

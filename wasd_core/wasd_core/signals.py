@@ -2,8 +2,9 @@
 """The signals that end or suspend a process, and an orderly shutdown."""
 
 import atexit
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import contextlib
+import faulthandler
 import gc
 import os
 import signal
@@ -22,6 +23,8 @@ UNSTOPPABLE = (signal.SIGKILL, signal.SIGSTOP)
 DEADLY = tuple(sorted(signal.valid_signals() - {*FAULTS, *HARMLESS, *SUSPENDING, *UNSTOPPABLE}))
 # Who sends these wants to see the process die of them, with its memory for a debugger.
 DUMPING = (signal.SIGQUIT, signal.SIGABRT, signal.SIGTRAP, signal.SIGSYS, signal.SIGXCPU)
+# So long may a program take to let go of ROS [s].
+GOODBYE = 10.0
 
 
 class StopSignals:
@@ -125,6 +128,26 @@ class StopSignals:
 def stop_requested() -> bool:
     """Whether a stop signal came in the StopSignals context that we are in, if we are."""
     return any(stop.requested for stop in StopSignals.entered)
+
+
+@contextlib.contextmanager
+def letting_go() -> Iterator[None]:
+    """
+    Context in which a program lets go of ROS, or else is ended with status 1.
+
+    Fast DDS waits there for a thread of its own, which it may starve (eProsima/Fast-DDS#6513). It
+    holds Python's lock: neither Ctrl-C nor a thread of ours would get to run, so that faulthandler
+    has to end it. A script that is not ours is let be: it may have more to do.
+    """
+    if not StopSignals.entered:
+        yield
+        return
+    with open(os.devnull, 'w') as nowhere:
+        faulthandler.dump_traceback_later(GOODBYE, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def _status(number: int | None) -> int:

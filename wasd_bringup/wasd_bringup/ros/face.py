@@ -22,6 +22,7 @@ from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from wasd_core.messages import to_transform
 from wasd_core.node import MessagePump
 from wasd_core.rotations import Pose
+from wasd_core.signals import letting_go
 from wasd_core.streams import visible
 from wasd_core.topics import TfBroadcaster
 
@@ -235,8 +236,9 @@ class RosFaces(Face):
         """End all nodes."""
         self.flush()
         self._pump.shutdown(timeout_sec=0.0)
-        for node in self.nodes:
-            node.destroy_node()
+        with letting_go():
+            for node in self.nodes:
+                node.destroy_node()
 
     def _of(self, robot: Robot) -> RosFace:
         return next(face for face in self.faces if face.robot is robot)

@@ -17,7 +17,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from wasd_core.errors import suggest, UserError
 from wasd_core.network import running
 from wasd_core.node import init_ros, MessagePump
-from wasd_core.signals import StopSignals
+from wasd_core.signals import letting_go, StopSignals
 
 # What is asked for is not there when nothing new has been discovered for so long [s]. Fast DDS
 # announces a process that missed the first announcements every 3 s.
@@ -60,8 +60,9 @@ class RosGraph:
     def __exit__(self, *_: object) -> None:
         """Leave nothing running."""
         self._pump.shutdown(timeout_sec=0.0)
-        self.node.destroy_node()
-        rclpy.try_shutdown()
+        with letting_go():
+            self.node.destroy_node()
+            rclpy.try_shutdown()
         self.stop.__exit__()
 
     def spin(self, timeout: float = POLL_PERIOD) -> None:
