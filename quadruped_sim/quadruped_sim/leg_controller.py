@@ -451,7 +451,11 @@ class LegController:
         return robot, self._feel(joints.effort, normal, dt)
 
     def _feel(self, efforts: np.ndarray, normal: np.ndarray, dt: float) -> float:
-        """Dynamics, and forces, contacts and the load by the joints' torques (12,) [N m]."""
+        """
+        Dynamics, and forces, contacts and the load by the joints' torques (12,) [N m].
+
+        Return the base's `sound_height` [m].
+        """
         state = self._machine.state
         is_up = not (state is StateName.PASSIVE or self._states[state].is_lying)
         if not is_up:

@@ -140,12 +140,11 @@ def feel_ground(
     """
     Write into a flat `RobotState` that knows its base and joints all that follows of these.
 
-    Return its `sound_height`.
-
     That are its place, its dynamics, forces, contacts and contact points, and its load. `rigid`
     are flat `Bodies` and `Links`, `stages` a flat `Felt` and `LoadState`, `rules` flat
     `TouchRules`. `seen` are the joints' torques (12,) [N m] and the ground's normal (3,), world
     axes. `tick` is dt [s] and whether the robot is on its feet, so that its load is felt.
+    Return the base's `sound_height` [m].
     """
     state, felt, rule, (torque, normal), (dt, is_up) = robot[0], stages[0][0], rules[0], seen, tick
     place_base(robot)

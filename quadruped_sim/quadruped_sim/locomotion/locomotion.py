@@ -209,7 +209,7 @@ class Locomotion:
         """Height of the base above the ground, on its way to that which the ground asks for."""
         most = dt * self._height_rate
         raised = self.step_height.raised
-        if raised > 0.0:  # what takes no time on even ground
+        if raised > 0.0:  # rough ground alone asks for the slope
             raised *= max(1.0 - self.ground.slope / STEEP, 0.0)
         ahead = self._nominal_height + raised - self._height
         self._height += min(max(ahead, -most), most)
