@@ -36,6 +36,9 @@ BRAKE_DAMPING = 3.0
 # ... but at most this share of what stops a joint within one physics step: motor torques are
 # integrated explicitly, which diverges beyond 2 and rings beyond 1.
 STABLE_SHARE = 0.5
+# A long step is so many time steps: half as many take half the time, and a robot whose targets
+# hold for 10 ms, as a network's do, walks as well.
+LONG_STEP = 2
 # The warnings of MuJoCo that say so, of positions to accelerations.
 _DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 # How these begin; `Physics.step` says it in words of its own.
@@ -74,7 +77,7 @@ class Actuation:
         self._motor_velocity = parts.velocity[parts.motor_joint]
         self._holds = self._find_holds()
         self.rejected_commands = 0
-        self.is_kinematic = False
+        self.is_kinematic = self.allows_long_steps = False
         self._time_step = float(model.opt.timestep)
         self._command_shape = (5, len(parts.motor_names))
         self._delay = round(setup.command_delay / self._time_step)
@@ -99,9 +102,11 @@ class Actuation:
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
         stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
         self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
+        self._most_damping = STABLE_SHARE * stopping / LONG_STEP
 
     def reset(self) -> None:
         """Begin again at the start of the setup, with limp motors; the state is that of rest."""
+        self.allows_long_steps = False
         put_at_start(self._model, self._data, self._parts, self._setup)
         self._pushes: list[tuple[int, Push]] = []  # each with the tick of its end
         self._kept_push = np.zeros(3)  # the force without an end
@@ -148,6 +153,12 @@ class Actuation:
         else:
             self._note_efforts()
         self._sum_pushes()
+
+    def steps_long(self) -> bool:
+        """Whether the next step may be a long one: no motor damps more than such a step bears."""
+        return self.allows_long_steps and bool(
+            (self._most_damping + self._gains[:, 1] >= 0.0).all()
+        )
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
@@ -267,9 +278,10 @@ def _warn(text: str) -> None:
 
 class Physics:
     """
-    A compiled model, its state, its `boxes`, and `tick`, the number of physics steps so far.
+    A compiled model, its state, its `boxes`, and `tick`, the number of time steps so far.
 
     Commands and pushes of the robots begin and end between steps; in between, MuJoCo runs alone.
+    Where all robots allow it, physics takes long steps, each of `LONG_STEP` time steps.
     """
 
     def __init__(self, spec: mujoco.MjSpec) -> None:
@@ -309,7 +321,7 @@ class Physics:
 
     def step(self, count: int) -> None:
         """
-        Advance by `count` physics steps.
+        Advance by `count` time steps.
 
         Raises:
             SimulationError: what acts is more than can be solved; MuJoCo has put all back then.
@@ -330,25 +342,42 @@ class Physics:
 
     def _advance(self, count: int, *, are_read: bool) -> None:
         """Let MuJoCo step; it computes the sensors in the last step alone, if they `are_read`."""
+        begin = self.tick
         self.tick += count
         if all(robot.is_kinematic for robot in self.robots):
             return
-        model, data, step = self.model, self.data, mujoco.mj_step
         follow = [after for robot in self.robots if (after := robot.begin_steps()) is not None]
-        flags, unread = self._options.disableflags, count - are_read
-        if unread:
-            self._options.disableflags = flags | _NO_SENSORS
-            try:
-                if follow:
-                    for _ in range(unread):
-                        step(model, data)
-                        for act in follow:
-                            act()
-                else:
-                    step(model, data, unread)
-            finally:  # also after Ctrl-C in somebody's notebook, who goes on
+        lengths = self._lengths(begin, count)
+        flags = self._options.disableflags
+        try:  # puts all back also after Ctrl-C in somebody's notebook, who goes on
+            if unread := lengths[:-1] if are_read else lengths:
+                self._options.disableflags = flags | _NO_SENSORS
+                self._step_each(unread, follow)
                 self._options.disableflags = flags
-        if are_read:
+            if are_read:
+                self._step_each(lengths[-1:], follow)
+        finally:
+            self._options.disableflags = flags
+            self._options.timestep = self.time_step
+
+    def _lengths(self, begin: int, count: int) -> list[float]:
+        """Return how long each step is [s]; long ones begin at an even tick."""
+        short = [self.time_step]
+        if count < LONG_STEP or not all(robot.steps_long() for robot in self.robots):
+            return short * count
+        lead = -begin % LONG_STEP
+        whole, rest = divmod(count - lead, LONG_STEP)
+        return short * lead + [LONG_STEP * self.time_step] * whole + short * rest
+
+    def _step_each(self, lengths: list[float], follow: list[Callable[[], None]]) -> None:
+        """Let MuJoCo take steps so long [s], and do what follows each."""
+        model, data, step = self.model, self.data, mujoco.mj_step
+        if not follow and len(set(lengths)) == 1:
+            self._options.timestep = lengths[0]
+            step(model, data, len(lengths))
+            return
+        for length in lengths:
+            self._options.timestep = length
             step(model, data)
             for act in follow:
                 act()
@@ -358,7 +387,7 @@ class World:
     """
     One robot in a compiled model, which it may share with others.
 
-    Keeps the command and the pushes in force; MuJoCo's state and `tick`, the number of physics
+    Keeps the command and the pushes in force; MuJoCo's state and `tick`, the number of time
     steps so far, are those of its `physics`. Before any command motors are limp. Same seed and
     same calls give the same bits.
     """
@@ -411,7 +440,7 @@ class World:
 
     @property
     def tick(self) -> int:
-        """The number of physics steps so far."""
+        """The number of time steps so far."""
         return self.physics.tick
 
     @property
@@ -424,7 +453,7 @@ class World:
         self.physics.reset()
 
     def step(self, count: int = 1) -> None:
-        """Advance by `count` physics steps; commands and pushes begin and end within them."""
+        """Advance by `count` time steps; commands and pushes begin and end within them."""
         self.physics.step(count)
 
     @property
@@ -440,6 +469,10 @@ class World:
     @is_kinematic.setter
     def is_kinematic(self, is_kinematic: bool) -> None:
         self._actuation.is_kinematic = is_kinematic
+
+    def allow_long_steps(self, is_allowed: bool) -> None:
+        """Allow physics to take long steps from now on, or forbid it; a reset forbids it."""
+        self._actuation.allows_long_steps = is_allowed
 
     @property
     def rejected_commands(self) -> int:

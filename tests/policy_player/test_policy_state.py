@@ -3,6 +3,7 @@
 
 import dataclasses
 
+import mujoco
 import numpy as np
 from policy_files import constant, exporter, mjlab, MOTORS, onnx, rl_sar, torchscript, write
 import pytest
@@ -60,6 +61,29 @@ def test_p_plays_from_the_stand_2_stands_again_and_1_lets_go(dog):
     dog.run(1.5)
     assert dog.state == 'passive'
     assert dog.truth.tilt < 0.3
+
+
+@pytest.mark.slow
+def test_physics_takes_long_steps_while_the_network_walks_and_no_longer(dog, monkeypatch):
+    taken, step = [], mujoco.mj_step
+
+    def noted(model, data, steps=1):
+        taken.extend([model.opt.timestep] * steps)
+        step(model, data, steps)
+
+    def shares(seconds):
+        taken.clear()
+        dog.run(seconds)
+        return taken.count(0.002) * 0.002 / seconds
+
+    monkeypatch.setattr(mujoco, 'mj_step', noted)
+    assert shares(0.5) == 0.0
+    dog.press('p')
+    dog.run(SETTLE_TIME + 0.1)
+    assert shares(0.5) == pytest.approx(1.0)
+    dog.press('2')
+    dog.run(0.1)
+    assert shares(0.5) == 0.0
 
 
 @pytest.mark.slow

@@ -65,9 +65,10 @@ ACTION: Any = tuple[(float,) * 12]  # type: ignore[misc]
 WITH_HEIGHTS = replace(SPEC, terms=(*SPEC.terms, Term(name='height_scan', clip=(-1.0, 1.0))))
 # The base above the floor as it begins, and so low it has fallen [m].
 START_HEIGHT, LOW = 0.29, 0.14
-# Physics may step by so much [s], the last unless told: a command's delay of 2 ms is a whole
-# number of either.
-PHYSICS_STEPS = (0.001, 0.002)
+# Physics may step by so much [s], the last unless told. A command's delay of 2 ms is a whole
+# number of the first two; with the last, the steps around that moment are half as long.
+PHYSICS_STEPS = (0.001, 0.002, 0.004)
+LONGEST_TIME_STEP = 0.002
 # Episodes end after so many steps: 20 s.
 LONGEST = 1000
 # How sharply the reward falls with an error of velocity [m^2/s^2], and its other weights.
@@ -91,8 +92,8 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
     With `heights` the observation ends with the true heights around it, as `WITH_HEIGHTS` says.
     `world` is as in `wasd.Go2`. `randomise` from 0 to 1 is how much each episode's robot differs
     at random. `noise` False makes sensors tell the truth. `command` (3,) holds in every episode;
-    without one it is drawn. `physics_step` [s] is 0.001, as in `wasd.Go2`, or 0.002, which is
-    faster.
+    without one it is drawn. `physics_step` [s] is 0.004, as in MuJoCo Playground; or 0.002, as in
+    `wasd.Go2` while a network walks; or 0.001, as when it does not.
 
     Raises:
         UserError: what is wrong with an argument, in one line.
@@ -113,8 +114,10 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         render_mode: str | None = None,
     ) -> None:
         if physics_step not in PHYSICS_STEPS:
-            wanted = ' or '.join(map(str, PHYSICS_STEPS))
-            raise UserError(f'physics_step: got {physics_step!r}, wanted {wanted}')
+            wanted = ', '.join(map(str, PHYSICS_STEPS[:-1]))
+            raise UserError(
+                f'physics_step: got {physics_step!r}, wanted {wanted} or {PHYSICS_STEPS[-1]}'
+            )
         if render_mode not in (None, 'rgb_array'):
             raise UserError(f'render_mode: got {render_mode!r}, wanted rgb_array or None')
         self.render_mode = render_mode
@@ -159,6 +162,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
             self._build(drawn)
         self._world.seed = drawn
         self._world.reset()
+        self._world.allow_long_steps(self._physics_step > LONGEST_TIME_STEP)
         self._observer.reset()
         command = self.np_random.uniform(self._low, self._high) if given is None else given
         self._command = np.array(command, float)
@@ -214,7 +218,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
             self._world_name,
             setup=_standing(setup),
             visuals=visuals,
-            time_step=self._physics_step,
+            time_step=min(self._physics_step, LONGEST_TIME_STEP),
         )
         self._take(self._world)
 

@@ -252,6 +252,7 @@ class Go2(Robot):
         own = self.legs.control(world.read(), world.joint_names, world.motor_names, dt, truth)
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
+        world.allow_long_steps(self.rest() > 0.0)
         self.elevation.step()
 
     def _timed_control(self) -> None:
