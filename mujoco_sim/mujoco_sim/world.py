@@ -13,7 +13,15 @@ import numpy as np
 from robot_description.description import Description
 from robot_description.mujoco.builder import holding
 from wasd_core.errors import one_line, SimulationError
-from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading, TIME_STEP
+from wasd_core.robot_io import (
+    BaseState,
+    ImuReading,
+    is_finite,
+    JointCommand,
+    JointStates,
+    Reading,
+    TIME_STEP,
+)
 
 from mujoco_sim.boxes import add_boxes, MovingBoxes
 from mujoco_sim.noise import NoisySensors
@@ -103,6 +111,7 @@ class Actuation:
         stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
         self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
         self._most_damping = STABLE_SHARE * stopping / LONG_STEP
+        self._bears_long_steps: bool | None = None  # unknown with new gains
 
     def reset(self) -> None:
         """Begin again at the start of the setup, with limp motors; the state is that of rest."""
@@ -156,9 +165,12 @@ class Actuation:
 
     def steps_long(self) -> bool:
         """Whether the next step may be a long one: no motor damps more than such a step bears."""
-        return self.allows_long_steps and bool(
-            (self._most_damping + self._gains[:, 1] >= 0.0).all()
-        )
+        if not self.allows_long_steps:
+            return False
+        if self._bears_long_steps is None:
+            spare = self._most_damping + self._gains[:, 1]
+            self._bears_long_steps = bool((spare >= 0.0).all())
+        return self._bears_long_steps
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
@@ -177,7 +189,7 @@ class Actuation:
                 stacked = np.array(command, dtype=float)
             except ValueError:  # parts of different lengths
                 stacked = np.empty(0)
-            if stacked.shape != self._command_shape or not _is_finite(stacked):
+            if stacked.shape != self._command_shape or not is_finite(stacked):
                 self.rejected_commands += 1
                 self.brake()
                 return False
@@ -196,7 +208,7 @@ class Actuation:
     def brake(self) -> None:
         """Let the motors only resist motion; see `World.brake`."""
         self._pending.clear()
-        self._in_force = None
+        self._in_force = self._bears_long_steps = None
         kept = -self._gains[:, 1]
         self._gains[:, 1] = -np.where(kept > 0.0, kept, self._brake_damping)
         self._gains[:, 0] = 0.0
@@ -234,7 +246,7 @@ class Actuation:
         data.xfrc_applied[self._hung] = total + self._wrench
 
     def _put_in_force(self, command: np.ndarray) -> None:
-        self._in_force = command
+        self._in_force, self._bears_long_steps = command, None
         if self._curve is not None:
             self._curve.command(command, self._strength, self._gains, self._controls)
         else:  # the same without what compiles: wheels would wait for it at each start
@@ -263,11 +275,6 @@ class Actuation:
 
         torque = self._model.actuator_forcerange[self._motors, 1] * self._strength
         return TorqueSpeedCurve(torque, np.array([limits.get(name, math.inf) for name in names]))
-
-
-def _is_finite(numbers: np.ndarray) -> bool:
-    # A product tells in one call of most, but overflows where numbers are large.
-    return math.isfinite(float(np.vdot(numbers, numbers))) or bool(np.isfinite(numbers).all())
 
 
 def _warn(text: str) -> None:

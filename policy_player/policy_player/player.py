@@ -5,10 +5,11 @@ from collections.abc import Callable
 import math
 
 import numpy as np
-from wasd_core.robot_io import JointTargets, Senses
+from wasd_core.robot_io import is_finite, JointTargets, Senses
 
 from policy_player.observations import Observer
 from policy_player.policy_file import Policy
+from policy_player.spec import Numbers
 
 # A step that is due within this share of one is taken: sums of floating-point times are not exact.
 _ALMOST = 1e-6
@@ -33,8 +34,7 @@ class Player:
         spec = policy.spec
         self.default = np.array(spec.default_position)
         self._scale, self._offset = np.array(spec.action_scale), np.array(spec.action_offset)
-        self._action_clip = tuple(np.array(end) for end in spec.action_clip)
-        self._target_clip = tuple(np.array(end) for end in spec.target_clip)
+        self._action_clip, self._target_clip = _ends(spec.action_clip), _ends(spec.target_clip)
         self._gains = np.array(spec.stiffness), np.array(spec.damping)
         self.reset()
 
@@ -74,7 +74,7 @@ class Player:
         except Exception as error:  # what a library raises in the middle of a run
             self.failure = f'the network broke: {" ".join(str(error).split())[:100]}'
             return self._targets
-        if action.shape != self.action.shape or not np.isfinite(action).all():
+        if action.shape != self.action.shape or not is_finite(action):
             self.failure = 'the output of the network is not a number'
             return self._targets
         self.action = _within(self._action_clip, action)
@@ -86,6 +86,14 @@ class Player:
         return JointTargets(position, *self._gains)
 
 
-def _within(ends: tuple[np.ndarray, ...], values: np.ndarray) -> np.ndarray:
+def _ends(clip: tuple[Numbers, Numbers]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the ends of a clip, None where it is without any."""
+    low, high = np.array(clip[0]), np.array(clip[1])
+    return None if np.isneginf(low).all() and np.isposinf(high).all() else (low, high)
+
+
+def _within(ends: tuple[np.ndarray, np.ndarray] | None, values: np.ndarray) -> np.ndarray:
     """Clip, in a third of the time of `np.clip`."""
+    if ends is None:
+        return values
     return np.asarray(np.minimum(np.maximum(values, ends[0]), ends[1]))

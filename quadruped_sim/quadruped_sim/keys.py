@@ -2,7 +2,7 @@
 """Meaning of keys: states, the two sticks, and the answers to other keys."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from wasd_core.timing import STOP_KEY
@@ -182,7 +182,7 @@ class Sticks:
 
     def zero(self) -> None:
         """Centre both sticks."""
-        self._counts = dict.fromkeys(('lx', 'ly', 'rx', 'ry'), 0)
+        self._counts, self._values = dict.fromkeys(('lx', 'ly', 'rx', 'ry'), 0), StickValues()
 
     def press(self, key: str) -> bool:
         """Take a key, upper or lower case; False when it is no stick key."""
@@ -194,13 +194,13 @@ class Sticks:
         axis, direction = axis_and_direction(key)
         full = round(1.0 / STEP)
         self._counts[axis] = min(max(self._counts[axis] + direction, -full), full)
+        self._values = replace(self._values, **{axis: self._counts[axis] / full})
         return True
 
     @property
     def values(self) -> StickValues:
         """Deflections now."""
-        full = round(1.0 / STEP)
-        return StickValues(**{axis: count / full for axis, count in self._counts.items()})
+        return self._values
 
 
 # What a key of a state is pressed for: `press 2 to stand`.

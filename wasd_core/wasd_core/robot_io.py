@@ -144,3 +144,9 @@ class JointCommand(NamedTuple):
     effort: np.ndarray
     kp: np.ndarray
     kd: np.ndarray
+
+
+def is_finite(numbers: np.ndarray) -> bool:
+    """Whether all numbers are finite; fast where they are."""
+    # A product tells in one call of most, but overflows where numbers are large.
+    return math.isfinite(float(np.vdot(numbers, numbers))) or bool(np.isfinite(numbers).all())
