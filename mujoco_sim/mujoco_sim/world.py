@@ -354,40 +354,45 @@ class Physics:
         if all(robot.is_kinematic for robot in self.robots):
             return
         follow = [after for robot in self.robots if (after := robot.begin_steps()) is not None]
-        lengths = self._lengths(begin, count)
-        flags = self._options.disableflags
-        try:  # puts all back also after Ctrl-C in somebody's notebook, who goes on
-            if unread := lengths[:-1] if are_read else lengths:
-                self._options.disableflags = flags | _NO_SENSORS
-                self._step_each(unread, follow)
+        lengths = self._long_steps(begin, count)
+        unread = (len(lengths) or count) - are_read
+        if unread:
+            flags = self._options.disableflags
+            self._options.disableflags = flags | _NO_SENSORS
+            try:
+                self._step_each(unread, lengths[:unread], follow)
+            finally:  # also after Ctrl-C in somebody's notebook, who goes on
                 self._options.disableflags = flags
-            if are_read:
-                self._step_each(lengths[-1:], follow)
-        finally:
-            self._options.disableflags = flags
-            self._options.timestep = self.time_step
+        if are_read:
+            self._step_each(1, lengths[unread:], follow)
 
-    def _lengths(self, begin: int, count: int) -> list[float]:
-        """Return how long each step is [s]; long ones begin at an even tick."""
-        short = [self.time_step]
+    def _long_steps(self, begin: int, count: int) -> list[float]:
+        """Return how long each step is [s] where some are long, which begin at an even tick."""
         if count < LONG_STEP or not all(robot.steps_long() for robot in self.robots):
-            return short * count
+            return []
         lead = -begin % LONG_STEP
         whole, rest = divmod(count - lead, LONG_STEP)
-        return short * lead + [LONG_STEP * self.time_step] * whole + short * rest
+        short, long = [self.time_step], [LONG_STEP * self.time_step]
+        return short * lead + long * whole + short * rest
 
-    def _step_each(self, lengths: list[float], follow: list[Callable[[], None]]) -> None:
-        """Let MuJoCo take steps so long [s], and do what follows each."""
+    def _step_each(
+        self, count: int, lengths: list[float], follow: list[Callable[[], None]]
+    ) -> None:
+        """Let MuJoCo take steps, of `lengths` [s] if any are told, and do what follows each."""
         model, data, step = self.model, self.data, mujoco.mj_step
-        if not follow and len(set(lengths)) == 1:
-            self._options.timestep = lengths[0]
-            step(model, data, len(lengths))
+        if not (lengths or follow):
+            step(model, data, count)
             return
-        for length in lengths:
-            self._options.timestep = length
-            step(model, data)
-            for act in follow:
-                act()
+        try:
+            for index in range(count):
+                if lengths:
+                    self._options.timestep = lengths[index]
+                step(model, data)
+                for act in follow:
+                    act()
+        finally:
+            if lengths:
+                self._options.timestep = self.time_step
 
 
 class World:
