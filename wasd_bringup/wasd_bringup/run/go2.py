@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from mujoco_sim.sensors.heights import true_heights
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.camera import CameraView
-from mujoco_sim.world import World
+from mujoco_sim.world import LONG_STEP, World
 import numpy as np
 from quadruped_sim.height_scan import known_scan
 from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
@@ -254,8 +254,12 @@ class Go2(Robot):
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
         if self._has_walker:
-            world.allow_long_steps(self.rest() > 0.0)
+            world.allow_long_steps(self.rest() > 0.0 and self._stops_evenly())
         self.elevation.step()
+
+    def _stops_evenly(self) -> bool:
+        """Whether physics never stops within a long step, however its run is paced."""
+        return self.simulation.schedule.stride % LONG_STEP == 0
 
     def _timed_control(self) -> None:
         if self.rest() < ROUNDING:
