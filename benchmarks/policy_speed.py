@@ -4,12 +4,12 @@
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
-import math
 from pathlib import Path
 import statistics
 import tempfile
 import time
 
+from idle_core import IdleCore
 import numpy as np
 from policy_player.onnx_writer import write_layers
 from policy_player.player import Player
@@ -24,7 +24,6 @@ MOST = 0.15  # of a step of it, inference and all around it, median [ms]
 STEPS = 3000
 LEAST = 25.0  # real-time factor of a Go2 that walks by a policy, nothing shown
 SLICE = 0.25  # of simulated time [s]
-IDLE = 1.05  # a loop of at most so many times the shortest: nobody shares the core
 STEPS_OF_SLICE = 100  # of the environment
 LEAST_STEPS = 2500.0  # of the environment, each second
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
@@ -63,49 +62,17 @@ def step_row(steps: int) -> Row:
     )
 
 
-class Core:
-    """
-    Tells when this core is idle: one that shares its hardware with somebody is not.
-
-    A fixed loop before and after each slice takes longer then. What its shortest time is shows
-    with time: one core measures all rows.
-    """
-
-    def __init__(self) -> None:
-        self._fastest = math.inf
-
-    def rates(self, measure: Callable[[], float], slices: int) -> tuple[float, float, int]:
-        """Return the median rate where it was idle (nan: nowhere), in all, and how many were."""
-        rates, loops = [], []
-        for _ in range(slices):
-            before = self._loop()
-            rates.append(measure())
-            loops.append(max(before, self._loop()))
-        most = IDLE * self._fastest
-        idle = [rate for rate, loop in zip(rates, loops, strict=True) if loop <= most]
-        return statistics.median(idle or [math.nan]), statistics.median(rates), len(idle)
-
-    def _loop(self) -> float:
-        begun, total = time.perf_counter(), 0
-        for count in range(200_000):
-            total += count
-        spent = time.perf_counter() - begun
-        self._fastest = min(self._fastest, spent)
-        return spent
-
-
-def speed_row(core: Core, seconds: int) -> Row:
+def speed_row(core: IdleCore, seconds: int) -> Row:
     """Walk at 0.5 m/s without ROS and without a picture; so does the model-based walker."""
     slices = round(seconds / SLICE)
-    idle, middle, count = core.rates(_walking('p'), slices)
-    _, walker, _ = core.rates(_walking('5'), slices)
+    own, walker = (core.rates(_walking(key), slices) for key in ('p', '5'))
+    ratio, passed = own.overall / walker.overall, own.reaches(LEAST)
     return Row(
         what='policy ours: real-time factor of a wasd.Go2 at 0.5 m/s on an idle core',
-        measured=f'{idle:.1f} in the {count} of {slices} slices in which it was idle; '
-        f'{middle:.1f} in all, {middle / walker:.1f} x the {walker:.1f} of the model-based',
+        measured=f'{own.told(1)}, {ratio:.1f} x the {walker.overall:.1f} of the model-based',
         must=f'>= {LEAST:g}',
-        passed=idle >= LEAST,
-        trials=[{'passed': idle >= LEAST, 'idle': idle, 'all': middle, 'model_based': walker}],
+        passed=passed,
+        trials=[{'passed': passed, **own._asdict(), 'model_based': walker.overall}],
     )
 
 
@@ -126,7 +93,7 @@ def _walking(key: str) -> Callable[[], float]:
     return measure
 
 
-def environment_row(core: Core, slices: int) -> Row:
+def environment_row(core: IdleCore, slices: int) -> Row:
     """Step one environment on one core: standing, and with random actions (with its resets)."""
     import gymnasium
     from wasd.environment import PHYSICS_STEPS
@@ -150,25 +117,22 @@ def environment_row(core: Core, slices: int) -> Row:
         env.reset(seed=1)
         rates[name] = core.rates(partial(measure, most), slices)
     env.close()
-    idle, middle, count = rates['standing']
-    random = rates['random'][1]
+    standing, random = rates['standing'], rates['random']
+    passed = standing.reaches(LEAST_STEPS)
     return Row(
         what=f'wasd/Go2-v0, physics of {1e3 * PHYSICS_STEPS[-1]:g} ms: steps a second on one '
         'idle core, standing, random actions',
-        measured=f'{idle:.0f} in the {count} of {slices} slices in which it was idle, '
-        f'{middle:.0f} in all; {random:.0f} in all',
+        measured=f'{standing.told(0)}; {random.told(0)}',
         must=f'standing >= {LEAST_STEPS:g}',
-        passed=idle >= LEAST_STEPS,
-        trials=[
-            {'passed': idle >= LEAST_STEPS, 'standing': idle, 'all': middle, 'random': random}
-        ],
+        passed=passed,
+        trials=[{'passed': passed, **standing._asdict(), 'random': random.overall}],
     )
 
 
 def measure_speed(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Time all three; the environment needs the extra gym."""
     note('policy: wall time')
-    core = Core()
+    core = IdleCore()
     rows = [step_row(STEPS // 5 if quick else STEPS), speed_row(core, 5 if quick else 30)]
     if find_spec('gymnasium') is not None:
         rows.append(environment_row(core, 10 if quick else 100))

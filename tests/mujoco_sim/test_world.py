@@ -8,6 +8,7 @@ import mujoco
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_shared_world, build_world, World
 import numpy as np
+from physics_steps import steps_taken
 import pytest
 from wasd_core.errors import SimulationError
 from wasd_core.robot_io import BaseState, JointCommand
@@ -50,47 +51,40 @@ def test_many_steps_at_once_are_the_steps_one_by_one(loaded):
     np.testing.assert_array_equal(*map(state_of, worlds))
 
 
-def lengths_of_steps(world, count, monkeypatch):
+def lengths_of_steps(world, count):
     """Return how long each step that MuJoCo takes is [ms], while the world advances."""
-    taken, step = [], mujoco.mj_step
-
-    def noted(model, data, steps=1):
-        taken.extend([round(1e3 * model.opt.timestep)] * steps)
-        step(model, data, steps)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(mujoco, 'mj_step', noted)
+    with steps_taken() as taken:
         world.step(count)
     return taken
 
 
-def test_long_steps_are_taken_where_allowed_and_time_is_the_same(loaded, monkeypatch):
+def test_long_steps_are_taken_where_allowed_and_time_is_the_same(loaded):
     world = build_world(loaded)
-    assert lengths_of_steps(world, 4, monkeypatch) == [1, 1, 1, 1]
+    assert lengths_of_steps(world, 4) == [1, 1, 1, 1]
     world.allow_long_steps(True)
-    assert lengths_of_steps(world, 4, monkeypatch) == [2, 2]
+    assert lengths_of_steps(world, 4) == [2, 2]
     # They begin at even ticks, so that who looks more often does not shift them.
-    assert lengths_of_steps(world, 5, monkeypatch) == [2, 2, 1]
-    assert lengths_of_steps(world, 6, monkeypatch) == [1, 2, 2, 1]
+    assert lengths_of_steps(world, 5) == [2, 2, 1]
+    assert lengths_of_steps(world, 6) == [1, 2, 2, 1]
     world.step(981)
     assert world.time == 1.0
     assert world.data.time == pytest.approx(1.0, abs=1e-12)
     assert world.model.opt.timestep == world.time_step
     world.reset()
-    assert lengths_of_steps(world, 2, monkeypatch) == [1, 1]
+    assert lengths_of_steps(world, 2) == [1, 1]
 
 
-def test_commands_and_pushes_begin_and_end_as_told_among_long_steps(loaded, monkeypatch):
+def test_commands_and_pushes_begin_and_end_as_told_among_long_steps(loaded):
     world = build_world(loaded, setup=RobotSetup(command_delay=0.003))
     world.allow_long_steps(True)
     world.apply(JointCommand(*np.zeros((2, 2)), np.full(2, 0.01), *np.zeros((2, 2))))
-    assert lengths_of_steps(world, 8, monkeypatch) == [2, 1, 1, 2, 2]
+    assert lengths_of_steps(world, 8) == [2, 1, 1, 2, 2]
     world.push((0.0, 2.0, 0.0), 0.005)
-    assert lengths_of_steps(world, 8, monkeypatch) == [2, 2, 1, 1, 2]
+    assert lengths_of_steps(world, 8) == [2, 2, 1, 1, 2]
     assert not world.data.xfrc_applied.any()
 
 
-def test_a_motor_that_damps_more_than_a_long_step_bears_gets_short_ones(loaded, monkeypatch):
+def test_a_motor_that_damps_more_than_a_long_step_bears_gets_short_ones(loaded):
     world = build_world(loaded)
     world.allow_long_steps(True)
     index = [world.model.joint(name).dofadr[0] for name in WHEELS]
@@ -99,19 +93,19 @@ def test_a_motor_that_damps_more_than_a_long_step_bears_gets_short_ones(loaded, 
     zeros = np.zeros(2)
     for share, taken in ((0.24, [2, 2]), (0.26, [1, 1, 1, 1])):
         world.apply(JointCommand(zeros, zeros, zeros, zeros, share * stopping))
-        assert lengths_of_steps(world, 4, monkeypatch) == taken
+        assert lengths_of_steps(world, 4) == taken
     world.brake()
-    assert lengths_of_steps(world, 4, monkeypatch) == [1, 1, 1, 1]
+    assert lengths_of_steps(world, 4) == [1, 1, 1, 1]
 
 
-def test_robots_that_share_a_world_take_long_steps_where_all_allow_them(loaded, monkeypatch):
+def test_robots_that_share_a_world_take_long_steps_where_all_allow_them(loaded):
     setups = [RobotSetup(place=(0.0, y)) for y in (0.0, 2.0)]
     members = [(f'{name}/', loaded, setup) for name, setup in zip('ab', setups, strict=True)]
     one, other = build_shared_world(members)
     one.allow_long_steps(True)
-    assert lengths_of_steps(one, 2, monkeypatch) == [1, 1]
+    assert lengths_of_steps(one, 2) == [1, 1]
     other.allow_long_steps(True)
-    assert lengths_of_steps(one, 2, monkeypatch) == [2]
+    assert lengths_of_steps(one, 2) == [2]
 
 
 def test_a_fall_by_long_steps_is_that_of_their_closed_form(ball):

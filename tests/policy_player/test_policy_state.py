@@ -3,8 +3,8 @@
 
 import dataclasses
 
-import mujoco
 import numpy as np
+from physics_steps import steps_taken
 from policy_files import constant, exporter, mjlab, MOTORS, onnx, rl_sar, torchscript, write
 import pytest
 from quadruped_sim.states.policy import SETTLE_TIME
@@ -63,26 +63,15 @@ def test_p_plays_from_the_stand_2_stands_again_and_1_lets_go(dog):
     assert dog.truth.tilt < 0.3
 
 
-@pytest.fixture
-def share_of_long_steps(monkeypatch):
-    """Return what runs a dog for some time, and tells the share of it in long steps of physics."""
-    taken, step = [], mujoco.mj_step
-
-    def noted(model, data, steps=1):
-        taken.extend([model.opt.timestep] * steps)
-        step(model, data, steps)
-
-    def share(dog, seconds):
-        taken.clear()
+def share_of_long_steps(dog, seconds):
+    """Run a dog; return the share of the time that passes in steps of physics of 2 ms."""
+    with steps_taken() as taken:
         dog.run(seconds)
-        return taken.count(0.002) * 0.002 / seconds
-
-    monkeypatch.setattr(mujoco, 'mj_step', noted)
-    return share
+    return taken.count(2) * 0.002 / seconds
 
 
 @pytest.mark.slow
-def test_physics_takes_long_steps_while_the_network_walks_and_no_longer(dog, share_of_long_steps):
+def test_physics_takes_long_steps_while_the_network_walks_and_no_longer(dog):
     assert share_of_long_steps(dog, 0.5) == 0.0
     dog.press('p')
     dog.run(SETTLE_TIME + 0.1)
@@ -93,7 +82,7 @@ def test_physics_takes_long_steps_while_the_network_walks_and_no_longer(dog, sha
 
 
 @pytest.mark.slow
-def test_no_step_is_long_where_physics_may_stop_within_it(dog, share_of_long_steps):
+def test_no_step_is_long_where_physics_may_stop_within_it(dog):
     # With something due at odd milliseconds, a run in pace with wall time stops there, too.
     dog._simulation.schedule.every(0.001, lambda: None, rest=lambda: 1.0)
     dog.press('p')

@@ -10,6 +10,7 @@ import warnings
 import mujoco
 from mujoco_sim.scene import AHEAD, EDGE
 import numpy as np
+from physics_steps import steps_taken
 from policy_player.onnx_writer import write_layers
 from policy_player.policy_file import read_policy
 import pytest
@@ -138,13 +139,7 @@ def test_a_long_physics_step_moves_the_robot_as_a_short_one():
         assert abs(long.rpy - short.rpy).max() < 0.05
 
 
-def test_physics_steps_as_told_but_for_the_one_before_a_command_comes_into_force(monkeypatch):
-    taken, step = [], mujoco.mj_step
-
-    def noted(model, data, steps=1):
-        taken.extend([round(1e3 * model.opt.timestep)] * steps)
-        step(model, data, steps)
-
+def test_physics_steps_as_told_but_for_those_around_the_beginning_of_a_command():
     for physics_step, wanted in (
         (0.001, [1] * 20),
         (0.002, [2] * 10),
@@ -152,9 +147,7 @@ def test_physics_steps_as_told_but_for_the_one_before_a_command_comes_into_force
     ):
         env = gymnasium.make(NAME, physics_step=physics_step)
         env.reset(seed=1)
-        with monkeypatch.context() as patch:
-            patch.setattr(mujoco, 'mj_step', noted)
-            taken.clear()
+        with steps_taken() as taken:
             env.step(np.zeros(12))
         assert taken == wanted
 

@@ -22,7 +22,7 @@ from mujoco_sim.robot_setup import randomise as draw
 from mujoco_sim.robot_setup import RobotSetup, usual_setup
 from mujoco_sim.sensors.camera import Frustum, Offscreen
 from mujoco_sim.sensors.heights import true_heights
-from mujoco_sim.world import build_world, FALL_TILT, World
+from mujoco_sim.world import build_world, FALL_TILT, LONG_STEP, World
 import numpy as np
 from policy_player.observations import Observer
 from policy_player.spec import PolicySpec, Term
@@ -68,7 +68,7 @@ START_HEIGHT, LOW = 0.29, 0.14
 # Physics may step by so much [s], the last unless told. A command's delay of 2 ms is a whole
 # number of the first two; with the last, the steps around that moment are half as long.
 PHYSICS_STEPS = (0.001, 0.002, 0.004)
-LONGEST_TIME_STEP = 0.002
+LONGEST_TIME_STEP = PHYSICS_STEPS[-1] / LONG_STEP
 # Episodes end after so many steps: 20 s.
 LONGEST = 1000
 # How sharply the reward falls with an error of velocity [m^2/s^2], and its other weights.

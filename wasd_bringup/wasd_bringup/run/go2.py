@@ -74,7 +74,6 @@ class Go2(Robot):
         settings = leg_settings(self.given)
         walker = load_walker(options) or load_policy(settings.policy, settings.policy_config)
         self.legs = Legs(loaded, settings, self.log.info, walker)
-        self._has_walker = walker is not None
         quadruped = self.legs.model.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self.legs.model.scale.of('m')
@@ -253,7 +252,7 @@ class Go2(Robot):
         own = self.legs.control(world.read(), world.joint_names, world.motor_names, dt, truth)
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
-        if self._has_walker:
+        if self.legs.controller.has_policy:
             world.allow_long_steps(self.rest() > 0.0 and self._stops_evenly())
         self.elevation.step()
 
