@@ -3,20 +3,19 @@
 
 from collections.abc import Callable, Iterator
 import functools
+import importlib.util
 import os
 from pathlib import Path
 import pty
-import shutil
 import signal
 import subprocess
 import sys
-import sysconfig
 from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-COLCON = shutil.which('colcon') or shutil.which('colcon', path=sysconfig.get_path('scripts'))
+QUICK = Path(__file__).with_name('quick_colcon.py')
 SOURCED = '. "$1/setup.bash" && shift && exec "$@"'
 
 
@@ -60,7 +59,7 @@ class Workspace:
             'PYTHONNOUSERSITE': '1',
             'ROS_LOG_DIR': str(folder / 'ros_log'),
         }
-        command = [str(COLCON), '--log-base', 'log', 'build', *options]
+        command = [sys.executable, str(QUICK), '--log-base', 'log', 'build', *options]
         command += [
             '--base-paths',
             str(ROOT),
@@ -106,7 +105,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Workspace]:
 
     @functools.cache
     def build_workspace(*options: str) -> Workspace:
-        if COLCON is None:
+        if importlib.util.find_spec('colcon_core') is None:
             pytest.skip("no colcon: pip install -e '.[colcon]'")
         return Workspace(tmp_path_factory.mktemp('workspace'), *options)
 
