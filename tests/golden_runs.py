@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Thirty runs whose every bit is known: what changes without being meant to shows here.
+Runs whose every bit is known: what changes without being meant to shows here.
 
 `python tests/golden_runs.py FILE` runs them all in one process and writes what came of each: a
 hash of the report's samples, where it ended, and what was recorded. The file of the tests is
@@ -20,43 +20,45 @@ import sys
 import tempfile
 from typing import Any
 
-STAND = '0.1 2\n2.6 5'
-FORWARD = '3.2 0.5 0 0\n5 0.4 0.2 0.5\n7 0 0 0'
-SQUARE = '0.5 i*45\n2.5 j*30\n4 i*45'
-TOUR = '0.1 2\n2.5 4\n3 w*6\n5.5 SPACE a*6\n7 SPACE j*5'
+# It stands after a second, and then begins what was asked for meanwhile.
+STAND = '0.02 2\n0.04 5'
+FORWARD = '1.1 0.5 0 0\n1.8 0.4 0.2 0.5\n2.6 0 0 0'
+SQUARE = '0.1 i*20\n0.9 j*12\n1.5 i*15'
+TOUR = '0.02 2\n1.2 4\n1.3 w*6\n2.1 SPACE a*6\n2.9 SPACE j*5'
+# From the walk through all other gaits, the trot the last but one, a second of each, and back.
+GAITS = '2 n\n3 n\n4 n\n5 n\n6.2 n\n7 N'
 # Name -> words after `wasd`, key script, velocities. `{}` is the folder of the run.
 RUNS: dict[str, tuple[str, str, str]] = {
-    'sticks': ('go2 --duration 8', TOUR, ''),
-    'velocities': ('go2 --duration 8', STAND, FORWARD),
-    'by truth': ('go2 --duration 6 --estimator truth', STAND, FORWARD),
-    'race': ('go2 --duration 6 --limits race', STAND, '3.2 2.5 0 0\n5 0 0 3'),
-    'guide': ('go2 --duration 6 --limits guide', TOUR, ''),
-    'walk': ('go2 --duration 6 --gait walk', STAND, FORWARD),
-    'pace': ('go2 --duration 6 --gait pace', STAND, FORWARD),
-    'bound': ('go2 --duration 6 --gait bound', STAND, FORWARD),
-    'pronk': ('go2 --duration 6 --gait pronk', STAND, FORWARD),
-    'gallop': ('go2 --duration 6 --gait gallop', STAND, '3.2 1.5 0 0'),
-    'gait by key': ('go2 --duration 7', f'{STAND}\n4 n\n5.5 N', FORWARD),
-    'push': ('go2 --duration 6 --push "4 0 200 0 0.1"', STAND, FORWARD),
-    'knocked over': ('go2 --duration 9 --push "3 0 400 0 0.2 0 0 0.3"', '0.1 2\n5 6', ''),
-    'tests': ('go2 --duration 9', '0.1 2\n2.5 0\n3 w*5\n4 2\n4.5 9\n6 2\n6.5 8', ''),
-    'jump and lie': ('go2 --duration 8', '0.1 2\n2.5 v\n5 7\n7 1', ''),
-    'free stand': ('go2 --duration 5', '0.1 2\n2.5 3\n3 w*5 d*5 j*5', ''),
-    'slope': ('go2 --duration 6 --world slope:15', STAND, '3.2 0.5 0 0'),
-    'stairs': ('go2 --duration 8 --world stairs:0.1', STAND, '3.2 0.5 0 0'),
-    'boxes': ('go2 --duration 7 --world boxes:0.05 --seed 3', STAND, '3.2 0.5 0 0'),
-    'rough': ('go2 --duration 6 --world rough:0.05 --seed 4', STAND, '3.2 0.5 0 0'),
-    'ice': ('go2 --duration 7 --world ice:0.2', STAND, '3.2 0.5 0 0'),
-    'payload': ('go2 --duration 6 --payload 5 --friction 0.4', STAND, FORWARD),
-    'differs': ('go2 --duration 6 --randomise 1 --seed 7', STAND, FORWARD),
-    'preset go2': ('go2 --duration 6 --preset go2', '0.1 2\n2.6 5\n3.2 i*30', ''),
-    'square': ('mbot --duration 7', SQUARE, ''),
-    'fake': ('mbot --duration 6 --mode fake', SQUARE, ''),
-    'arbotix': ('mbot --duration 6 --mode arbotix', SQUARE, ''),
-    'ramps': ('mbot --duration 6 --preset ramps', '0.5 w*30\n3 a*20', ''),
-    'wheels by velocity': ('mbot --duration 6', '', '0.5 0.3 0 0.5\n3 0 0 1\n4 stop'),
-    'map and goal': ('mbot --duration 8 --world flat:3 --map --goal "0.6 0.2"', '', ''),
-    'both': ('both --duration 6', '0.1 2\n2.5 4\n3 w*4\n4 TAB i*30', ''),
+    'sticks': ('go2 --duration 3.6', TOUR, ''),
+    'velocities': ('go2 --duration 3.2', STAND, FORWARD),
+    'by truth': ('go2 --duration 2.4 --estimator truth', STAND, FORWARD),
+    'race': ('go2 --duration 3.2 --limits race', STAND, '1.1 2.5 0 0\n2.6 0 0 3'),
+    'guide': ('go2 --duration 2.6 --limits guide', TOUR, ''),
+    'gaits': (
+        'go2 --duration 7.6 --gait walk',
+        f'{STAND}\n{GAITS}',
+        '1.1 0.5 0 0\n1.6 0.4 0.2 0.5\n5 1.5 0 0\n6.2 0.5 0 0',
+    ),
+    'push': ('go2 --duration 2.6 --push "1.7 0 200 0 0.1"', STAND, FORWARD),
+    'knocked over': ('go2 --duration 5 --push "1.2 0 400 0 0.2 0 0 0.3"', '0.02 2\n2.4 6', ''),
+    'tests': ('go2 --duration 5', '0.02 2\n1.2 0\n1.4 w*5\n1.9 2\n2.2 9\n3.4 2\n3.6 8', ''),
+    'jump and lie': ('go2 --duration 5', '0.02 2\n1.2 v\n2.8 7\n4.2 1', ''),
+    'free stand': ('go2 --duration 2.4', '0.02 2\n1.2 3\n1.4 w*5 d*5 j*5', ''),
+    'slope': ('go2 --duration 4 --world slope:15', STAND, '1.1 0.5 0 0'),
+    'stairs': ('go2 --duration 4.6 --world stairs:0.1', STAND, '1.1 0.5 0 0'),
+    'boxes': ('go2 --duration 4 --world boxes:0.05 --seed 3', STAND, '1.1 0.5 0 0'),
+    'rough': ('go2 --duration 3.6 --world rough:0.05 --seed 4', STAND, '1.1 0.5 0 0'),
+    'ice': ('go2 --duration 4 --world ice:0.2', STAND, '1.1 1 0 0'),
+    'payload': ('go2 --duration 2.4 --payload 5 --friction 0.4', STAND, FORWARD),
+    'differs': ('go2 --duration 2.4 --randomise 1 --seed 7', STAND, FORWARD),
+    'preset go2': ('go2 --duration 2.6 --preset go2', f'{STAND}\n1.1 w*30', ''),
+    'square': ('mbot --duration 2.4', SQUARE, ''),
+    'fake': ('mbot --duration 2.4 --mode fake', SQUARE, ''),
+    'arbotix': ('mbot --duration 2.4 --mode arbotix', SQUARE, ''),
+    'ramps': ('mbot --duration 3 --preset ramps', '0.1 w*20\n1 a*15', ''),
+    'wheels by velocity': ('mbot --duration 3', '', '0.1 0.3 0 0.5\n0.8 0 0 1\n1.2 stop'),
+    'map and goal': ('mbot --duration 4 --world flat:3 --map --goal "0.3 0.1"', '', ''),
+    'both': ('both --duration 3.2', '0.02 2\n1.2 4\n1.3 w*4\n1.9 TAB i*20', ''),
 }
 RECORDED = ('velocities', 'square', 'both')
 # Topics that say nothing of wall time: their messages are compared, too.
@@ -145,6 +147,10 @@ def _hash(value: Any) -> str:
 
 
 if __name__ == '__main__':
+    import expansions
+    import robot_description.description  # noqa: F401
+
+    expansions.remember()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     with tempfile.TemporaryDirectory() as scratch:
         outcome = run_all(Path(scratch))
