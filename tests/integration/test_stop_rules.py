@@ -25,31 +25,34 @@ WAYS = {
 
 
 @pytest.mark.parametrize('walker', WALKERS)
-@pytest.mark.parametrize('way', WAYS)
-def test_at_a_metre_a_second_it_stops(walker, way):
+def test_at_a_metre_a_second_it_stops(walker):
     keys, more = WALKERS[walker]
-    stop, left, most = WAYS[way]
     run = Run(RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0, **more))
     world = run.world
 
     def advance(seconds):
         run.simulation.advance(round(seconds / world.time_step))
 
+    def speed():
+        return math.hypot(*world.base().planar_velocity[:2])
+
     try:
-        for key, seconds in keys:
-            run.press(key)
-            advance(seconds)
-        walks = run.robot.state
-        for _ in range(50):
-            run.robot.drive((1.0, 0.0, 0.0), 'page')
-            advance(0.05)
-        assert math.hypot(*world.base().planar_velocity[:2]) > 0.85
-        place = world.base().position.copy()
-        stop(run)
-        advance(5.0)
-        assert math.hypot(*world.base().planar_velocity[:2]) < 0.02
-        assert math.dist(place[:2], world.base().position[:2]) < most
-        assert run.robot.state == (left or walks)
-        assert world.base().tilt < 0.3
+        for way, (stop, left, most) in WAYS.items():
+            if run.robot.state == 'passive':
+                for key, seconds in keys:
+                    run.press(key)
+                    advance(seconds)
+            walks = run.robot.state
+            for _ in range(50):
+                run.robot.drive((1.0, 0.0, 0.0), 'page')
+                advance(0.05)
+            assert speed() > 0.85, way
+            place = world.base().position.copy()
+            stop(run)
+            advance(3.0)
+            assert speed() < 0.02, way
+            assert math.dist(place[:2], world.base().position[:2]) < most, way
+            assert run.robot.state == (left or walks), way
+            assert world.base().tilt < 0.3, way
     finally:
         run.close()

@@ -85,77 +85,54 @@ def run():
     return Commanded()
 
 
-@pytest.fixture
-def walking(run):
+@pytest.fixture(scope='module')
+def still():
+    """A run that nobody drives."""
+    return Commanded()
+
+
+def test_a_program_drives_until_a_key_takes_over_or_an_e_stop_ends_it(run):
     run.call(STAND_UP)
     run.run(2.0)
     run.move(1.5)
     assert run.speed > 0.2
-    return run
-
-
-def test_drivers_say_that_a_program_has_the_motors(run):
-    assert run.hold_by_motors(1.0) == 500
-    assert run.robot.drivers.state.driver == 'unitree'
-    run.run(SILENCE + 0.2)
-    assert run.robot.drivers.state.driver == ''
-
-
-def test_drivers_say_that_a_program_drives_until_a_key_takes_over(walking):
-    state = walking.robot.drivers.state
+    state = run.robot.drivers.state
     assert (state.driver, state.right) == ('unitree', 'program')
     assert state.since == pytest.approx(0.0, abs=0.01)
-    walking.session.press('2')
-    walking.run(3.0)
-    assert walking.robot.state == 'fixed stand'
-    assert walking.speed < 0.02
-    assert not walking.driver.bridge.motion.is_moving
-
-
-def test_an_e_stop_ends_what_a_program_moves(walking):
-    walking.session.e_stop('page')
-    assert walking.robot.state == 'passive'
-    walking.run(2.0)
-    assert (walking.robot.state, walking.height < 0.15) == ('passive', True)
-
-
-def test_an_e_stop_takes_the_motors_from_a_program_that_goes_on(run):
-    assert run.hold_by_motors(2.0) == 1000
-    assert run.height > 0.3
+    run.session.press('2')
+    run.run(3.0)
+    assert run.robot.state == 'fixed stand'
+    assert run.speed < 0.02
+    assert not run.driver.bridge.motion.is_moving
+    run.move(1.5)
+    assert run.speed > 0.2
     run.session.e_stop('page')
-    assert run.hold_by_motors(3.0) == 0
-    assert run.height < 0.15
-    # A program that has let go, and takes the motors again, has them.
-    run.run(SILENCE + 0.2)
-    assert run.hold_by_motors(2.0) == 1000
-    assert run.height > 0.3
-
-
-def test_a_latched_e_stop_holds_until_it_is_released():
-    run = Commanded(latched=True)
-    assert run.hold_by_motors(1.0) == 500
-    run.session.e_stop('page')
-    run.run(SILENCE + 0.5)
-    assert run.hold_by_motors(0.5) == 0
-    run.call(STAND_UP)
-    run.run(1.0)
     assert run.robot.state == 'passive'
-    run.session.end_e_stop()
-    run.run(SILENCE + 0.5)
-    assert run.hold_by_motors(2.0) == 1000
-    assert run.height > 0.3
+    run.run(2.0)
+    assert (run.robot.state, run.height < 0.15) == ('passive', True)
 
 
-def test_keys_do_not_move_a_robot_whose_motors_a_program_has(run):
-    run.hold_by_motors(2.0)
+def test_a_program_has_the_motors_whatever_keys_say_until_an_e_stop_or_a_reset(run):
+    assert run.hold_by_motors(1.5) == 750
+    assert run.robot.drivers.state.driver == 'unitree'
     run.session.press('4')
     assert run.hold_by_motors(0.5) == 250
     assert (run.robot.state, run.height > 0.3) == ('passive', True)
-
-
-def test_keys_move_the_sticks_that_programs_see(run):
+    run.session.e_stop('page')
+    assert run.hold_by_motors(3.0) == 0
+    assert run.height < 0.15
+    run.run(SILENCE + 0.2)
+    assert run.robot.drivers.state.driver == ''
+    # A program that has let go, and takes the motors again, has them.
+    assert run.hold_by_motors(2.0) == 1000
+    assert run.height > 0.3
+    run.session.simulation.reset()
+    run.run(0.1)
+    assert not run.driver.bridge.low.is_released
     run.session.press('2')
     run.run(2.5)
+    assert run.robot.state == 'fixed stand'
+    # And keys move the sticks that programs see.
     for key in '4wwl':
         run.session.press(key)
         run.run(0.02)
@@ -164,55 +141,55 @@ def test_keys_move_the_sticks_that_programs_see(run):
     assert (remote['ly'], remote['rx'], remote['lx']) == pytest.approx((0.1, 0.05, 0.0))
 
 
+def test_a_latched_e_stop_holds_until_it_is_released():
+    run = Commanded(latched=True)
+    assert run.hold_by_motors(0.5) == 250
+    run.session.e_stop('page')
+    run.run(SILENCE + 0.1)
+    assert run.hold_by_motors(0.5) == 0
+    run.call(STAND_UP)
+    run.run(1.0)
+    assert run.robot.state == 'passive'
+    run.session.end_e_stop()
+    run.run(SILENCE + 0.1)
+    assert run.hold_by_motors(1.5) == 750
+    assert run.height > 0.3
+
+
 def test_programs_switch_the_guard_that_stops_before_a_wall():
-    def walk(is_guarded):
-        run = Commanded(world='room', guards=True)
-        assert run.call(1001, 'obstacles_avoid', enable=is_guarded) == 0
-        run.call(STAND_UP)
-        run.run(2.0)
-        met = set()
-        for _ in range(55):
-            run.call(MOVE, x=0.8, y=0.0, z=0.0)
-            run.run(0.098)
-            met |= touched(run.robot.world)
-        return run, met - {'floor'}
-
-    guarded, nothing = walk(True)
-    assert not nothing
-    assert guarded.ahead > 2.0
-    assert guarded.speed < 0.05
-    _, wall = walk(False)
-    assert wall
-
-
-def test_a_guard_that_programs_switch_keeps_as_much_room_as_any_guard_of_a_go2():
     run = Commanded(world='room', guards=True)
     guard = run.driver._guard
+
+    def walk():
+        """Walk for a tenth of a second; return what the robot touched."""
+        run.call(MOVE, x=0.8, y=0.0, z=0.0)
+        run.run(0.098)
+        return touched(run.robot.world) - {'floor'}
+
     for is_on in (True, False, True):
         assert run.call(1001, 'obstacles_avoid', enable=is_on) == 0
+        # As much room as any guard of a Go2 keeps.
         assert guard.unit._parameters.footprint_padding == SWAY
-
-
-def test_without_a_lidar_no_guard_is_switched(run):
-    assert run.call(1001, 'obstacles_avoid', enable=True) == 3203
+    run.call(STAND_UP)
+    run.run(2.0)
+    for _ in range(55):
+        assert not walk()
+    assert run.ahead > 2.0
+    assert run.speed < 0.05
     assert run.call(1001, 'obstacles_avoid', enable=False) == 0
+    assert any(walk() for _ in range(30))
 
 
-def test_back_at_the_start_our_controller_has_the_motors(run):
-    run.hold_by_motors(1.0)
-    run.session.simulation.reset()
-    run.run(0.1)
-    assert not run.driver.bridge.low.is_released
-    run.session.press('2')
-    run.run(3.0)
-    assert run.robot.state == 'fixed stand'
+def test_without_a_lidar_no_guard_is_switched(still):
+    assert still.call(1001, 'obstacles_avoid', enable=True) == 3203
+    assert still.call(1001, 'obstacles_avoid', enable=False) == 0
 
 
-def test_a_run_that_is_paused_answers(run):
-    run.session.simulation.paused = True
-    run.wire.come['rt/api/motion_switcher/request'].append(request(5, 1001))
-    run.driver.look()
-    assert len(run.wire.told['rt/api/motion_switcher/response']) == 1
+def test_a_run_that_is_paused_answers(still):
+    still.session.simulation.paused = True
+    still.wire.come['rt/api/motion_switcher/request'].append(request(5, 1001))
+    still.driver.look()
+    assert len(still.wire.told['rt/api/motion_switcher/response']) == 1
 
 
 def test_in_sync_time_waits_for_a_program():
