@@ -68,11 +68,11 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
     run = run_of()
     robot = run.robot
     start = float(run.world.base().position[2])
-    lowest, tilt = pass_time(run, 3.0)  # limp, on the hoist
+    lowest, tilt = pass_time(run, 1.0)  # limp, on the hoist
     assert robot.state == 'passive'
     assert (lowest > start - 0.02, tilt < 0.1) == (True, True)
     run.press('2')
-    pass_time(run, 2.5)
+    pass_time(run, 1.5)
     run.press('h')
     assert robot.notice.text == 'the hoist has let go'
     lowest, tilt = pass_time(run, 5.0)  # by its gains alone
@@ -81,7 +81,7 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
         robot.world.contact_forces(['left_ankle_roll_link', 'right_ankle_roll_link']).min() > 100
     )
     run.world.push((60.0, 0.0, 0.0), 0.1)
-    assert pass_time(run, 3.0)[1] < 0.3
+    assert pass_time(run, 2.0)[1] < 0.3
     run.world.push((0.0, 400.0, 0.0), 0.3)
     lowest, tilt = pass_time(run, 3.0)
     assert (robot.state, robot.status().state) == ('passive', 'fallen')
@@ -90,33 +90,32 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
     run.press('2')
     assert robot.state == 'passive'
     run.press('h')
-    pass_time(run, 5.0)
+    pass_time(run, 4.5)
     assert run.world.base().tilt < 0.15
     assert float(run.world.base().position[2]) > start - 0.03
     run.press('2')
-    pass_time(run, 2.5)
+    pass_time(run, 1.5)
     assert robot.state == 'stand'
     assert run.world.base().tilt < 0.05
     run.press('h')
-    assert pass_time(run, 4.0)[1] < 0.15
+    assert pass_time(run, 2.0)[1] < 0.15
     run.press('BACKSPACE')
     np.testing.assert_allclose(run.world.base().position, (0.0, 0.0, start), atol=1e-9)
     assert (robot.state, robot.hoist.is_on) == ('passive', True)
-    assert pass_time(run, 2.0)[1] < 0.1
+    assert pass_time(run, 0.5)[1] < 0.1
 
 
-@pytest.mark.parametrize(('limp', 'push'), [(0.5, 120.0), (3.0, 120.0)])
-def test_whenever_it_stood_up_on_the_hoist_it_stands_without(run_of, limp, push):
+@pytest.mark.parametrize('limp', [0.5, 2.0])
+def test_whenever_it_stood_up_on_the_hoist_it_stands_without(run_of, limp):
     run = run_of(seed=4)
-    if limp:
-        pass_time(run, limp)
+    pass_time(run, limp)
     run.press('2')
     pass_time(run, 1.0)
-    run.world.push((push, push, 0.0), 0.2)
-    pass_time(run, 4.0)
+    run.world.push((120.0, 120.0, 0.0), 0.2)
+    pass_time(run, 3.0)
     assert run.world.base().tilt < 0.05
     run.press('h')
-    assert pass_time(run, 6.0)[1] < 0.1
+    assert pass_time(run, 4.0)[1] < 0.1
 
 
 def test_a_network_that_holds_the_pose_takes_over_on_the_hoist_and_is_driven(run_of, tmp_path):
@@ -179,11 +178,11 @@ def test_any_keys_in_any_order_break_nothing(run_of, tmp_path):
         '?',
     ]
     states = set()
-    for _ in range(100):
+    for _ in range(60):
         run.press(str(random.choice(keys, p=[0.02, 0.3, 0.3, *[0.38 / 12] * 12])))
         if random.random() < 0.1:
             run.world.push(random.normal(0.0, 150.0, 3), 0.1)
-        pass_time(run, 0.2)
+        pass_time(run, 0.15)
         states.add(run.robot.state)
         run.robot.status()
     assert run.world.rejected_commands == 0
