@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 from wasd_core.robot_io import GRAVITY
+from wasd_core.rotations import cross
 
 from mujoco_sim.world import World
 
@@ -95,8 +96,8 @@ class Hoist:
         forces *= np.minimum(1.0, most / np.maximum(norms, 1e-9))
         data = self._world.data
         arms = places - data.xipos[self._body]
-        torque = np.cross(arms, forces).sum(axis=0)
-        lean = np.cross(data.xmat[self._body].reshape(3, 3) @ self._up, _UP)
+        torque = cross(arms[0], forces[0]) + cross(arms[1], forces[1])
+        lean = cross(data.xmat[self._body].reshape(3, 3) @ self._up, _UP)
         share = min(1.0, MOST_LEAN / max(float(np.linalg.norm(lean)), 1e-9))
         torque += self._uprightness * share * lean
         torque -= self._turn_damping * data.cvel[self._body, :3]
@@ -112,4 +113,5 @@ class Hoist:
         # MuJoCo's: of a point at the whole robot's centre of mass that moves with the body.
         turn, moving = data.cvel[body, :3], data.cvel[body, 3:]
         places = data.xpos[body] + arms
-        return places, moving + np.cross(turn, places - data.subtree_com[root])
+        off = places - data.subtree_com[root]
+        return places, moving + np.array((cross(turn, off[0]), cross(turn, off[1])))
