@@ -39,13 +39,14 @@ class Seen(NamedTuple):
 STILL = Seen(0.0, np.zeros(3), np.array((0.0, 0.0, 9.81)))
 
 
-def follow(estimator, seen, motion, trust):
-    """Take one reading of IMU and legs on level ground, of a robot that does not step."""
+def follow(estimator, seen, motion, trust, ticks=1):
+    """Take equal readings of IMU and legs on level ground, of a robot that does not step."""
     turned = np.array((math.cos(0.5 * seen.yaw), 0.0, 0.0, math.sin(0.5 * seen.yaw)))
     imu = ImuReading(turned, seen.omega, seen.acceleration)
     robot = replace(RobotState.blank(), motion=motion)
     footing = Footing(trust, UP, PLANE, False, True, 0.0)
-    estimator.step(robot.flat, imu, (0.0, 0.0), footing, DT)
+    for _ in range(ticks):
+        estimator.step(robot.flat, imu, (0.0, 0.0), footing, DT)
     np.testing.assert_allclose(robot.base.position, estimator.position)
     np.testing.assert_allclose(robot.base.velocity, estimator.velocity)
 
@@ -67,8 +68,7 @@ def test_at_rest_a_biased_accelerometer_does_not_carry_it_away(model):
     estimator = make(model)
     motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
     imu = Seen(0.0, np.zeros(3), np.array((0.05, -0.05, 9.86)))
-    for _ in range(5000):
-        follow(estimator, imu, motion, np.ones(4))
+    follow(estimator, imu, motion, np.ones(4), ticks=5000)
     assert np.linalg.norm(estimator.velocity) < 0.01
     assert np.linalg.norm(estimator.position[:2]) < 0.05
 
@@ -93,8 +93,7 @@ def test_free_feet_leave_the_velocity_to_the_accelerometer(model):
     estimator = make(model)
     motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
     imu = Seen(0.0, np.zeros(3), np.array((1.0, 0.0, 9.81)))
-    for _ in range(100):
-        follow(estimator, imu, motion, np.zeros(4))
+    follow(estimator, imu, motion, np.zeros(4), ticks=100)
     np.testing.assert_allclose(estimator.velocity, (0.2, 0.0, 0.0), atol=0.01)
 
 
@@ -122,8 +121,7 @@ def test_height_error_is_drawn_back_near_the_level_of_the_ground_only(model):
         start = estimator.position.copy()
         lifted = start + (0.0, 0.0, error)
         estimator.reset(lifted, lifted + motion.position)
-        for _ in range(5000):
-            follow(estimator, imu, motion, np.ones(4))
+        follow(estimator, imu, motion, np.ones(4), ticks=5000)
         remaining.append(estimator.position[2] - start[2])
     assert abs(remaining[0]) < 1e-3
     assert abs(remaining[1] - 0.2) < 5e-3
@@ -236,8 +234,7 @@ def test_a_blow_that_no_leg_can_give_is_a_throw(model, acceleration, is_thrown):
     """In 0.1 s 20 m/s^2 are a push of 30 N s, which it walks on after; 40 leave it skidding."""
     estimator, motion = make(model), leg_motion(model.geometry, ANGLES, np.zeros(12))
     blow = Seen(0.0, np.zeros(3), np.array((0.6 * acceleration, 0.8 * acceleration, 9.81)))
-    for _ in range(round(0.1 / DT)):
-        follow(estimator, blow, motion, np.zeros(4))
+    follow(estimator, blow, motion, np.zeros(4), ticks=round(0.1 / DT))
     assert (estimator._estimate.calm[0] < 0.0) == is_thrown
     assert (estimator._estimate.shaken[0] > 0.0) == is_thrown
     mean = acceleration * (1.0 - (1.0 - DT / 0.1) ** round(0.1 / DT))
@@ -321,8 +318,7 @@ def test_feet_that_slip_are_left_out(model, feet):
     """0.2 s at 0.5 m/s: believed, they are the robot's velocity, 0.5 m/s, 0.25 if half of them."""
     estimator = make(model)
     stands, slips = slipping(model, (), np.zeros(3)), slipping(model, feet, (0.5, 0.0, 0.0))
-    for _ in range(250):
-        follow(estimator, STILL, stands, np.ones(4))
+    follow(estimator, STILL, stands, np.ones(4), ticks=250)
     for _ in range(100):
         follow(estimator, STILL, slips, np.ones(4))
         assert estimator.belief[list(feet)].max() < 0.1
@@ -337,8 +333,7 @@ def test_a_blow_between_two_readings_does_not_stay(model):
     stands = slipping(model, (), np.zeros(3))
     blow = STILL._replace(acceleration=np.array((500.0, 0.0, 9.81)))
     follow(estimator, blow, stands, np.ones(4))
-    for _ in range(250):
-        follow(estimator, STILL, stands, np.ones(4))
+    follow(estimator, STILL, stands, np.ones(4), ticks=250)
     assert np.abs(estimator.velocity).max() < 0.01
 
 
@@ -348,8 +343,7 @@ def test_the_bias_of_the_accelerometer_is_found_in_ten_seconds_of_rest(model):
     bias = np.array((0.06, -0.03, 0.04))
     imu = Seen(1.0, np.zeros(3), bias + (0.0, 0.0, 9.81))
     stands = slipping(model, (), np.zeros(3))
-    for _ in range(5000):
-        follow(estimator, imu, stands, np.ones(4))
+    follow(estimator, imu, stands, np.ones(4), ticks=5000)
     np.testing.assert_allclose(estimator.acceleration_bias, bias, atol=0.006)
 
 
