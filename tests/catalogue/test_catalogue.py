@@ -188,7 +188,7 @@ def test_it_says_once_by_how_much_it_falls_short(
     robot.run(REST)
     robot.drive(STEADY)
     speeds = []
-    for _ in range(100):
+    for _ in range(50):
         robot.run(0.1)
         speeds.append(float(robot.truth.planar_velocity[0]))
     said = re.findall(f'{row.falls_short}.*: (-?\\d+) % of the speed asked for', caplog.text)
@@ -200,8 +200,8 @@ def test_it_says_once_by_how_much_it_falls_short(
 
 # What a quadruped is told [m/s], [m/s], [rad/s], and how far off it may be, as a share.
 WALKS, SLIP = (0.4, 0.3, 0.6), 0.1
-# How long it gets up, and after each command gets into stride; then it is measured [s].
-UP, STRIDE, MEASURED, PARTS = 2.2, 1.0, 1.0, 4
+# How long it gets up, and after a command gets into stride; then it is measured [s].
+UP, STRIDE, MEASURED, PARTS = 2.2, 0.8, 1.0, 4
 
 
 def velocity(robot: Any) -> np.ndarray:
@@ -218,16 +218,20 @@ def velocity(robot: Any) -> np.ndarray:
 
 
 def walk(robot: Any) -> None:
-    """Stand up, walk ahead, sideways and on the spot, as fast as told or as full stick is."""
+    """
+    Stand up, walk ahead, sideways and in a bend at once, as fast as told.
+
+    One that cannot goes each way by itself, as fast as full stick is.
+    """
     robot.press('2')
     robot.run(UP)
     robot.press('5')
-    for axis, (speed, full) in enumerate(zip(WALKS, robot.full_stick, strict=True)):
-        command = np.zeros(3)
-        command[axis] = speed
+    able = np.greater_equal(robot.full_stick, WALKS).all()
+    for command in [np.array(WALKS)] if able else np.diag(np.minimum(WALKS, robot.full_stick)):
         robot.drive(*command.tolist())
         robot.run(STRIDE)
-        assert velocity(robot)[axis] == pytest.approx(min(speed, full), rel=SLIP)
+        told = command > 0.0
+        assert velocity(robot)[told] == pytest.approx(command[told], rel=SLIP)
     assert robot.state == 'move base'
     assert matrix_from_quaternion(robot.truth.orientation)[2, 2] > math.cos(0.1)  # upright
 

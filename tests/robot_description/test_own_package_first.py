@@ -35,9 +35,7 @@ JOINT = (
 def robot(trunk: str, hip: str) -> str:
     """Return the text of a robot of two links with these meshes."""
     links = LINK.format('base', trunk, MASS) + LINK.format('hip', hip, MASS)
-    return (
-        f'<robot name="go2" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{links}{JOINT}</robot>\n'
-    )
+    return f'<robot name="go2">\n{links}{JOINT}</robot>\n'
 
 
 def write(folder: Path, *meshes: str, text: str = '', manifest: str = NAME) -> Path:
