@@ -55,9 +55,10 @@ def test_looks_that_are_quick_have_no_more_than_their_share():
 
 @pytest.fixture
 def sender(isolated_ros, loops) -> Iterator[subprocess.Popen]:
-    """Start a sender of cmd_vel with busy loops beside it; end them afterwards."""
+    """Start a sender of cmd_vel, then busy loops beside it; end them afterwards."""
     words = [sys.executable, '-c', SENDER]
     processes = [subprocess.Popen(words, stdout=subprocess.PIPE, text=True)]
+    processes[0].stdout.readline()
     processes += [subprocess.Popen([sys.executable, '-c', BUSY]) for _ in range(loops)]
     yield processes[0]
     for process in processes:
@@ -107,7 +108,7 @@ def test_cmd_vel_of_another_process_is_heard_as_often_as_it_is_sent(
         stop=lambda: session.world.time >= end[0],
         poll=session._poll,
         each_second=lambda: (
-            end.__setitem__(0, min(end[0], session.world.time + 2.0)) if heard else None
+            end.__setitem__(0, min(end[0], session.world.time + 1.5)) if heard else None
         ),
     )
     sender.kill()
