@@ -11,6 +11,7 @@ from rclpy.node import Node
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
 from wasd_core.errors import UserError
 from wasd_core.node import MessagePump
 from wasd_core.topics import LATCHED
@@ -22,11 +23,10 @@ NEAR = (0.0, 0.5, 1.5)
 
 
 def run(seconds, robot='mbot', listens=False, **more):
-    """Run a robot that navigates; return its report."""
+    """Run a robot that navigates till its goals are done with; return its report."""
     options = {'preset': robot, 'description': robot, 'map': '', **more}
-    session = make_ros_run(
-        RunOptions(robot=robot, world=WORLD, speed=0.0, samples=True, **options)
-    )
+    asked = RunOptions(robot=robot, world=WORLD, speed=0.0, samples=True, **options)
+    session = make_ros_run(asked) if listens else Run(asked)
     pump, heard = MessagePump(), []
     if listens:
         node = Node('listener')
@@ -38,6 +38,8 @@ def run(seconds, robot='mbot', listens=False, **more):
             session.simulation.advance(100)
             if listens:
                 pump.handle(0.02 if not heard else 0.0)
+            if len(session.navigations[0].report()['goals']) == len(options['goals']):
+                break
         report = session.report()
         return report | {'heard': len(heard), 'samples': dict(report['samples'])}
     finally:
@@ -112,7 +114,7 @@ def test_the_go2_maps_with_the_lidar_on_its_back_and_walks_to_a_goal(ros):
 
 def test_a_map_without_a_scan_is_not_written_and_says_so(ros, tmp_path):
     name = tmp_path / 'nothing'
-    session = make_ros_run(
+    session = Run(
         RunOptions(
             robot='mbot', description='mbot', preset='mbot', speed=0.0, map='', save_map=str(name)
         )

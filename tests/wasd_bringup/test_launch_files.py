@@ -121,7 +121,6 @@ def test_the_launch_ends_with_a_node_without_which_nothing_drives(launch_file, n
     ('name', 'asked', 'culprit', 'words'),
     [
         ('mbot.launch.py', {'world': 'nope'}, 'simulator', 'nope'),
-        ('go2.launch.py', {'world': 'stairs:9'}, 'simulator', 'stairs'),
         ('mbot.launch.py', {'controller': 'nothing.yaml'}, 'diff_drive_controller', 'nothing'),
         ('go2.launch.py', {'description': 'no_dog.urdf'}, 'leg_controller', 'no_dog'),
         ('mbot_nav.launch.py', {'map': 'no_map.yaml'}, 'navigator', 'no_map'),

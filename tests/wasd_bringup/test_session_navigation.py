@@ -15,6 +15,7 @@ from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.inputs import SWITCH_KEY
 from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
 from wasd_cockpit.link import Order, Stick
 from wasd_core.errors import UserError
 from wasd_navigation.navigator import Navigator
@@ -26,16 +27,16 @@ GOAL = (3.0, 0.0, 0.0)
 
 
 @pytest.fixture
-def session_of(ros, monkeypatch):
+def session_of(monkeypatch):
     """Return a function that makes a run which maps, with a stand-in that goes straight on."""
     sessions = []
 
-    def make(robot='mbot', **more):
+    def make(robot='mbot', make_run=Run, **more):
         pilot = StandInPilot()
         pilot.end = ('driving', '')
         monkeypatch.setattr(robot_navigator, 'make_parts', lambda *_: (StandInLocator(), pilot))
         more = {'description': robot, 'preset': 'mbot', 'map': '', **more}
-        sessions.append(make_ros_run(RunOptions(robot=robot, speed=0.0, **more)))
+        sessions.append(make_run(RunOptions(robot=robot, speed=0.0, **more)))
         return sessions[-1]
 
     yield make
@@ -46,7 +47,16 @@ def session_of(ros, monkeypatch):
 @pytest.fixture
 def driving(session_of):
     """Return a run that is on the way to a goal."""
-    session = session_of(goals=(GOAL,))
+    return on_the_way(session_of(goals=(GOAL,)))
+
+
+@pytest.fixture
+def heard(ros, session_of):
+    """Return one that other processes can talk to."""
+    return on_the_way(session_of(make_run=make_ros_run, goals=(GOAL,)))
+
+
+def on_the_way(session):
     session.simulation.advance(1000)
     assert wanted(session) == pytest.approx(0.3)
     return session
@@ -74,11 +84,11 @@ def test_a_goal_of_the_command_line_is_driven_to(driving):
 
 
 @pytest.mark.slow
-def test_nobody_has_to_listen_for_a_scan_and_its_pose_is_of_its_instant(driving):
-    scan, pose, _ = navigation(driving).navigator.locator.steps[-1]
+def test_nobody_has_to_listen_for_a_scan_and_its_pose_is_of_its_instant(heard):
+    scan, pose, _ = navigation(heard).navigator.locator.steps[-1]
     assert len(scan.ends) == 360
     assert scan.origin == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert 0.0 < pose[0] < driving.world.base().position[0]
+    assert 0.0 < pose[0] < heard.world.base().position[0]
 
 
 @pytest.mark.slow
@@ -116,21 +126,21 @@ def test_the_stick_of_the_page_takes_over(driving, monkeypatch, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_velocity_of_another_process_takes_over(driving):
-    cmd_vel = driving.face.faces[0].controller.node.cmd_vel
+def test_a_velocity_of_another_process_takes_over(heard):
+    cmd_vel = heard.face.faces[0].controller.node.cmd_vel
     message = Twist()
     message.linear.x = -0.1
     cmd_vel._on_message(message, {'source_timestamp': 0})
-    driving.simulation.advance(25)
-    assert ended(driving) == ('cancelled', 'somebody on /cmd_vel takes over')
-    assert wanted(driving) == pytest.approx(-0.1)
+    heard.simulation.advance(25)
+    assert ended(heard) == ('cancelled', 'somebody on /cmd_vel takes over')
+    assert wanted(heard) == pytest.approx(-0.1)
 
 
 @pytest.mark.slow
-def test_a_key_of_another_process_takes_over(driving):
-    keys = driving.face.faces[0].controller.key_inputs[-1]
+def test_a_key_of_another_process_takes_over(heard):
+    keys = heard.face.faces[0].controller.key_inputs[-1]
     keys._on_message(String(data='k'), {'source_timestamp': 0})
-    assert ended(driving) == ('cancelled', 'somebody on /keys takes over')
+    assert ended(heard) == ('cancelled', 'somebody on /keys takes over')
 
 
 @pytest.mark.slow
