@@ -108,14 +108,14 @@ def stand_by_motors():
 
     def write():
         n = next(count)
-        crouched = between(begin, CROUCHED, n / 500.0)
-        low.send(crouched if n < 500 else between(CROUCHED, STANDING, n / 500.0 - 1.0))
+        crouched = between(begin, CROUCHED, n / 250.0)
+        low.send(crouched if n < 250 else between(CROUCHED, STANDING, n / 400.0 - 0.625))
 
     thread = RecurrentThread(interval=0.002, target=write, name='write')
     thread.Start()
     begin_of_stand = low.states[-1][0]
     patience = time.monotonic() + 60.0
-    while low.states[-1][0] < begin_of_stand + 4000 and time.monotonic() < patience:
+    while low.states[-1][0] < begin_of_stand + 2200 and time.monotonic() < patience:
         time.sleep(0.05)
     ticks = [tick for tick, _ in low.states]
     lost = sum(b - a != 2 for a, b in zip(ticks, ticks[1:], strict=False))
@@ -134,10 +134,10 @@ def sport():
     sport, heard = client(SportClient), heights()
     version = sport.GetServerApiVersion()
     code = sport.StandUp()
-    pass_time(heard, 3.0)
+    pass_time(heard, 2.5)
     height, start = heard[-1][1].body_height, list(heard[-1][1].position)
     sport.BalanceStand()
-    pass_time(heard, 3.0, lambda: sport.Move(0.3, 0, 0))
+    pass_time(heard, 2.0, lambda: sport.Move(0.3, 0, 0))
     sport.StopMove()
     pass_time(heard, 1.5)
     end, last = list(heard[-1][1].position), heard[-1][1]
@@ -208,7 +208,13 @@ def round_trip(seconds=4.0):
 
 
 def example(path):
-    """Run an example of the SDK as it is; the network that it names is not this one."""
+    """
+    Run an example of the SDK as it is; the network that it names is not this one.
+
+    It waits seconds after each call for who reads along, which nobody does here.
+    """
+    sleep = time.sleep
+    time.sleep = lambda seconds: sleep(min(seconds, 0.1))
     sys.path.insert(0, str(Path(path).parent))
     runpy.run_path(path, run_name='__main__')
     return {}
