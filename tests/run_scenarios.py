@@ -23,9 +23,8 @@ from terminals import PATIENCE
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.bridge import open_view
-from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
-from wasd_core.node import init_ros
 
 DESK = (1280, 720)
 SCENARIOS = Path(__file__).with_name('wasd_cockpit')
@@ -140,8 +139,7 @@ def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool 
 
     `visuals` are what only a picture needs. What fails the hand is raised at the end of the run.
     """
-    init_ros([])
-    session = make_ros_run(read_options(make_parser().parse_args(words)), visuals=visuals)
+    session = make_run(read_options(make_parser().parse_args(words)), visuals)
     page = Page(session, open_view(session, 'web'))
 
     failures: list[BaseException] = []
@@ -162,6 +160,18 @@ def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool 
     session.close()
     for failure in failures:
         raise failure
+
+
+def make_run(options: RunOptions, visuals: bool) -> Run:
+    """Return a run, on ROS unless that is refused."""
+    if not options.uses_ros:
+        return Run(options, None, visuals)
+    # Here, because it loads ROS.
+    from wasd_bringup.ros.face import make_ros_run
+    from wasd_core.node import init_ros
+
+    init_ros([])
+    return make_ros_run(options, visuals=visuals)
 
 
 if __name__ == '__main__':

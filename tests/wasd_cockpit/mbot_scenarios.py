@@ -21,6 +21,8 @@ STOP_TIME = 0.3
 PHONE = (390, 844)
 # What a finger presses is so high at least [pixels].
 FINGER = 30.0
+# Of the things that are done at random so many are presses, and half as many keys and characters.
+PRESSES = 0.3
 # A camera so low [degrees] is behind a wall of the room, if it is outside.
 LOW = -4.0
 
@@ -401,7 +403,7 @@ def scenario_whatever_a_hand_does_no_panel_fails_and_nothing_grows(page: Page) -
     # are no moves would be 2.4 MB.
     scribble_everywhere(page, 100, chance)
     for _ in range(3):  # what grows does so each time, and not by a piece of 2 MB once
-        sizes = scribble_everywhere(page, 1000, chance)
+        sizes = scribble_everywhere(page, 300, chance, PRESSES)
         if max(sizes) - sizes[0] < 1_500_000:
             break
     else:
