@@ -27,10 +27,11 @@ def run(bench: Any) -> Any:
     """Return a short run with all that is untold: it stands up, walks and is pushed."""
     return bench('trials').Run(
         seed=3,
-        twist='3 0.7 0.1 0.3\n3.4 stop\n',
-        duration=3.6,
+        keys='0.1 2\n2.2 5\n',
+        twist='2.3 0.7 0.1 0.3\n2.7 stop\n',
+        duration=2.9,
         world='boxes:0.05',
-        push='3.2 0 100 0 0.1 0.1 0 0',
+        push='2.5 0 100 0 0.1 0.1 0 0',
         friction=0.5,
         payload='2@0,0.1,0',
         randomise=0.5,

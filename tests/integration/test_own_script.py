@@ -32,9 +32,10 @@ runpy.run_path(sys.argv[1])
 # A process of its own: what draws in one that has drawn otherwise fails.
 DRAWS = """
 import sys, wasd
+car = wasd.Mbot()
 for path in sys.argv[1:]:
     try:
-        wasd.Mbot().picture(path)
+        car.picture(path)
     except wasd.UserError as error:
         print(error)
 """
@@ -94,17 +95,17 @@ def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path:
 def test_the_same_seed_and_calls_are_the_run_of_the_command(wasd: Any):
     import wasd as own
 
-    play = '0.5 2\n3 4\n3.5 w w w\n'
-    report = wasd.report('go2', '--seed', '3', '--duration', '5', play=play)
+    play = '0.1 2\n2.2 4\n2.4 w w w\n'
+    report = wasd.report('go2', '--seed', '3', '--duration', '3.2', play=play)
     dog = own.Go2(seed=3)
     positions = []
-    for until, keys in ((0.5, '2'), (3.0, '4'), (3.5, 'www'), (4.98, '')):
+    for until, keys in ((0.1, '2'), (2.2, '4'), (2.4, 'www'), (3.18, '')):
         dog.run(until - dog.time)
         positions.append(dog.truth.position.tolist())
         for key in keys:
             dog.press(key)
     samples = report['samples']
-    there = [samples['position'][samples['t'].index(t)] for t in (0.5, 3.0, 3.5, 4.98)]
+    there = [samples['position'][samples['t'].index(t)] for t in (0.1, 2.2, 2.4, 3.18)]
     assert positions == there
 
 
@@ -112,16 +113,16 @@ def test_a_velocity_ends_with_the_state_that_follows_it():
     import wasd
 
     dog = wasd.Go2(estimator='truth')
-    for key in '25':
+    for key, duration in (('2', 2.0), ('5', 0.5)):
         dog.press(key)
-        dog.run(2.5)
+        dog.run(duration)
     dog.drive(0.5)
-    dog.run(1.0)
+    dog.run(0.7)
     dog.press('2')
-    dog.run(2.0)
+    dog.run(1.0)
     start = dog.truth.position
     dog.press('5')
-    dog.run(2.0)
+    dog.run(1.5)
     assert dog.state == 'move base'
     assert np.hypot(*(dog.truth.position - start)[:2]) < 0.02
     dog.drive(0.5)

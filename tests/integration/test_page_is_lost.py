@@ -146,18 +146,18 @@ def lose(way: str, url: str, client: Callable[..., Any], robot: Robot) -> contex
     def has_moved() -> bool:  # a page that is starved meanwhile is lost, and rightly so
         return not all(is_zero(twist) for _, twist in robot.commands[before:])
 
-    if way == 'silent':
+    if way in ('silent', 'closed'):
         page = left.enter_context(PagePuppet(url, patience=PATIENCE))
         page.draw()
         page.keys = {page_puppet.code('I')}
         robot.wait_until(has_moved, 'driving')
         page.is_silent = True
+        if way == 'closed':
+            left.close()
         return left
     process = client(url, 'I')
     robot.wait_until(has_moved, 'driving')
-    process.send_signal(
-        {'closed': signal.SIGINT, 'killed': signal.SIGKILL}.get(way, signal.SIGSTOP)
-    )
+    process.send_signal(signal.SIGKILL if way == 'killed' else signal.SIGSTOP)
     left.callback(process.kill)
     return left
 
@@ -170,11 +170,10 @@ def test_a_key_that_is_held_ends_with_its_page(
     def lose_and_stop(way: str) -> float:
         with lose(way, run.url, client, robot):
             lost_at = time.time_ns()
-            robot.wait(STOP_TIME + 0.3)
-        robot.wait(0.3)
+            robot.wait(STOP_TIME + 0.2)
         # Opened again with no key down: nothing moves.
         with PagePuppet(run.url, patience=PATIENCE):
-            robot.wait(0.5)
+            robot.wait(0.3)
         assert is_zero(robot.commands[-1][1])
         return robot.last_moved() - robot.time_at(lost_at)
 
@@ -190,19 +189,19 @@ def test_sticks_of_the_page_are_one_step_a_tap_and_end_with_it(
     with PagePuppet(run.url, rate=5.0) as page:
         page.draw()
         page.tap('N2')
-        robot.wait(2.2)
+        robot.wait(2.0)
         page.tap('N4')
         robot.wait(0.3)
         for _ in range(4):
             page.tap('W')
         robot.wait(0.3)
-    robot.wait(STOP_TIME + 0.5)
+    robot.wait(STOP_TIME + 0.2)
     # Open again, the page may hold what it likes: it was down when it came.
     again = PagePuppet(run.url, patience=PATIENCE)
     again.keys = {page_puppet.code('W')}
     with again:
-        robot.wait(1.0)
-    robot.wait(0.5)
+        robot.wait(0.5)
+    robot.wait(0.2)
     run.end()
     keys = [line.split() for line in (tmp_path / 'keys.txt').read_text().splitlines()]
     keys = [(float(at), key) for at, key in keys if '+' not in key]
@@ -225,7 +224,7 @@ def test_a_page_that_only_watches_does_not_stop_a_robot_that_others_drive(
         page.tap('P')  # no key of this preset
         robot.press('w')  # drives until another key
         robot.wait_until(robot.moves, 'driving')
-    robot.wait(2.0)
+    robot.wait(1.2)
     assert robot.moves()
     with PagePuppet(run.url, patience=PATIENCE) as page:
         page.draw()

@@ -30,7 +30,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says(
+def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says_and_ctrl_c_is_the_way_out(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:
     session = start('--report', 'report.json')
@@ -41,6 +41,8 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says(
     time.sleep(1.5)
     session.type('\x03')
     assert session.end() == 0
+    assert termios.tcgetattr(session.slave) == session.before
+    assert 'report in report.json' in session.shown
     report = json.loads((tmp_path / 'report.json').read_text())
     x, y, _ = report['samples']['position'][-1]
     # Equal ramps: speed x (hold + release delay), the delay being 0.12 s after the last press.
@@ -55,16 +57,6 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says(
     commanded = 0.02 * sum(speeds)
     assert x == pytest.approx(commanded, rel=0.03)
     assert report['samples']['velocity'][-1][0] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_it_shows_the_keys_and_a_status_line(start: Callable[..., Any]) -> None:
-    session = start()
-    session.wait_for('drive with i , j l')
-    session.wait_for('full 0.20 m/s')
-    session.type('q')
-    session.wait_for('full 0.22 m/s')
-    session.type('?')
-    session.wait_for('Control mbot!')
 
 
 def test_tab_goes_from_robot_to_robot_and_the_status_line_says_to_which(
@@ -104,15 +96,6 @@ def test_a_signal_leaves_the_terminal_as_it_was_and_the_robot_stopped(
     assert 'Traceback' not in session.shown
 
 
-def test_ctrl_c_on_the_keyboard_is_the_normal_way_out(start: Callable[..., Any]) -> None:
-    session = start('--report', 'report.json')
-    session.wait_for('stopped')
-    session.type('\x03')
-    assert session.end() == 0
-    assert termios.tcgetattr(session.slave) == session.before
-    assert 'report in report.json' in session.shown
-
-
 def test_an_exception_leaves_the_terminal_as_it_was_and_the_robot_stopped(
     start: Callable[..., Any], commands: Any, hold_until_it_drives: Any, tmp_path: Path
 ) -> None:
@@ -127,9 +110,16 @@ def test_an_exception_leaves_the_terminal_as_it_was_and_the_robot_stopped(
     assert json.loads((tmp_path / 'report.json').read_text())['samples']['t'][-1] >= 7.9
 
 
-def test_a_closed_terminal_ends_the_run(start: Callable[..., Any]) -> None:
+def test_it_shows_the_keys_and_a_status_line_and_a_closed_terminal_ends_it(
+    start: Callable[..., Any],
+) -> None:
     session = start()
-    session.wait_for('stopped')
+    session.wait_for('drive with i , j l')
+    session.wait_for('full 0.20 m/s')
+    session.type('q')
+    session.wait_for('full 0.22 m/s')
+    session.type('?')
+    session.wait_for('Control mbot!')
     os.close(session.master)
     session.master = os.dup(session.slave)
     assert session.process.wait(PATIENCE) in (128 + 1, -1)

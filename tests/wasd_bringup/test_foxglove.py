@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+from cases import for_all
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import pytest
@@ -292,7 +293,7 @@ def test_a_port_that_is_taken_is_said(ros):
         server.close()
 
 
-@pytest.mark.parametrize('origin', ['https://evil.example', 'null'])
+@for_all('origin', ['https://evil.example', 'null'])
 def test_a_page_of_somebody_else_does_not_connect_and_is_said(run, origin):
     with pytest.raises(InvalidStatus, match='403'):
         FoxgloveClient(run.server.port, origin)
