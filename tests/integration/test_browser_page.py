@@ -61,17 +61,13 @@ def test_mbot_is_seen_moving_without_an_error_on_the_console(
     assert [entry for entry in errors if 'favicon' not in entry['message']] == []
 
 
-def test_the_page_is_for_this_machine_only(run_with_page: Callable[..., Any]) -> None:
-    run = run_with_page('mbot', '--duration', '20')
-    deadline = time.monotonic() + PATIENCE
-    while not listeners(run.port) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert listeners(run.port) == {'0100007F'}
-
-
-def test_a_second_run_takes_the_next_port(run_with_page: Callable[..., Any]) -> None:
-    first, second = (
-        run_with_page('mbot', '--duration', '20'),
-        run_with_page('mbot', '--duration', '20'),
-    )
+def test_the_page_is_for_this_machine_only_and_a_second_run_takes_the_next_port(
+    run_with_page: Callable[..., Any],
+) -> None:
+    words = ('mbot', '--no-ros', '--duration', '20')
+    first, second = run_with_page(*words), run_with_page(*words)
     assert first.port != second.port
+    deadline = time.monotonic() + PATIENCE
+    while not listeners(first.port) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert listeners(first.port) == {'0100007F'}

@@ -19,7 +19,8 @@ import numpy as np
 import programs
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from terminals import PATIENCE, Stopwatch
+from terminals import PATIENCE, Stopwatch, wait_until
+from wasd_bringup.cli.run_command import show_page
 from wasd_core.timing import brief
 
 pytestmark = pytest.mark.slow
@@ -120,24 +121,53 @@ def window(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...
         each.close()
 
 
-@pytest.mark.parametrize('columns', [80, 120])
-def test_w_in_every_state_says_what_to_press_and_hides_neither_state_nor_time(
-    window: Callable[..., Window], columns: int
+def test_w_is_answered_in_every_state_its_text_goes_and_the_reset_key_says_what_it_did(
+    window: Callable[..., Window],
 ) -> None:
-    run = window('go2', columns=columns)
+    run = window('go2')
     run.wait_for(lambda line: line.startswith('passive'))
+    see_w_in_every_state_say_what_to_press_and_hide_neither_state_nor_time(run)
+    see_a_text_go_after_three_seconds_and_at_once_with_a_legal_key(run)
+    see_the_reset_key_put_the_robot_back_and_say_so(run)
+
+
+def see_w_in_every_state_say_what_to_press_and_hide_neither_state_nor_time(run: Window) -> None:
     for keys, state, answer in TOUR:
         for key in keys:
             run.type(key)
             run.wait_for(lambda line: 'press' not in line)
         run.wait_for(lambda line, state=state: line.startswith(state))
         run.type('w')
-        wanted = answer if columns == 120 else brief(answer)
+        wanted = brief(answer)
         line = run.wait_for(lambda line, wanted=wanted: wanted in line)
         assert line.startswith(state)
-    assert max(map(len, run.statuses)) <= columns - 1
-    if columns == 80:  # a line alone; what a wider window has above it, the next test says
-        assert all(CLOCK.search(line) for line in run.lines[run.lines.index(run.statuses[0]) :])
+    assert max(map(len, run.statuses)) <= 79
+    # A line alone; what a wider window has above it, another test says.
+    assert all(CLOCK.search(line) for line in run.lines[run.lines.index(run.statuses[0]) :])
+
+
+def see_a_text_go_after_three_seconds_and_at_once_with_a_legal_key(run: Window) -> None:
+    run.type('1')
+    run.wait_for(lambda line: line.startswith('passive') and 'press' not in line)
+    run.type('4')
+    run.wait_for(lambda line: CURE in line)
+    said_at = time.monotonic()
+    run.wait_for(lambda line: CURE not in line)
+    assert time.monotonic() - said_at > 2.0
+
+    run.type('14')
+    run.wait_for(lambda line: CURE in line)
+    stopwatch = Stopwatch(run.process.pid)
+    run.type('2')
+    assert CURE not in run.wait_for(lambda line: line.startswith('fixed stand'))
+    assert stopwatch.took(time.time()) < 2.5
+
+
+def see_the_reset_key_put_the_robot_back_and_say_so(run: Window) -> None:
+    run.wait_for(lambda line: line.startswith('fixed stand'))
+    run.type('\x7f')
+    line = run.wait_for(lambda line: line.startswith('passive'))
+    assert 'back at the start' in line
 
 
 @pytest.mark.parametrize('robot', ['mbot', 'both'])
@@ -180,6 +210,8 @@ def test_a_window_with_room_shows_a_dashboard_above_the_status_line(
 ) -> None:
     run = window('go2', columns=120)
     run.wait_for(lambda line: line.startswith('passive'))
+    run.type('w')
+    run.wait_for(lambda line: f'{CURE} (w does nothing here)' in line)
     run.type('2')
     run.wait_for(lambda line: line.startswith('fixed stand'))
     run.type('4')
@@ -195,25 +227,6 @@ def test_a_window_with_room_shows_a_dashboard_above_the_status_line(
     assert 0.1 < float(rows['body'][2]) < 0.4
     assert 'press 2 to stand' in run.shown
     assert all(len(line) < 120 for line in board)
-
-
-def test_a_text_goes_after_three_seconds_and_at_once_with_a_legal_key(
-    window: Callable[..., Window],
-) -> None:
-    run = window('go2')
-    run.wait_for(lambda line: line.startswith('passive'))
-    run.type('4')
-    run.wait_for(lambda line: CURE in line)
-    said_at = time.monotonic()
-    run.wait_for(lambda line: CURE not in line)
-    assert time.monotonic() - said_at > 2.0
-
-    run.type('14')
-    run.wait_for(lambda line: CURE in line)
-    stopwatch = Stopwatch(run.process.pid)
-    run.type('2')
-    assert CURE not in run.wait_for(lambda line: line.startswith('fixed stand'))
-    assert stopwatch.took(time.time()) < 2.5
 
 
 def test_w_on_mbot_says_which_keys_drive_and_after_two_lessons_only_what_w_does(
@@ -247,16 +260,6 @@ def test_both_leave_the_pages_address_in_sight_of_24_lines_whatever_is_asked(
         text = re.sub('\r[^\n]*\r', '\r', run.shown.replace('\r\n', '\n'))
         assert 'viewer: http://127.0.0.1:' in '\n'.join(text.split('\n')[-23:])
     assert 'Control mbot!' in run.shown
-
-
-def test_the_reset_key_puts_the_robot_back_and_says_so(window: Callable[..., Window]) -> None:
-    run = window('go2')
-    run.wait_for(lambda line: line.startswith('passive'))
-    run.type('2')
-    run.wait_for(lambda line: line.startswith('fixed stand'))
-    run.type('\x7f')
-    line = run.wait_for(lambda line: line.startswith('passive'))
-    assert 'back at the start' in line
 
 
 # From here on without a terminal: the same keys in scripts and recordings.
@@ -294,7 +297,7 @@ def test_a_replay_repeats_the_reset_key(new_runner: Callable[[], Any]) -> None:
 
 def test_both_are_reset_together_and_to_their_own_places(new_runner: Callable[[], Any]) -> None:
     report = new_runner().report(
-        'both', '--duration', '2', play='0.1 2 TAB\n0.2 i*30\n1.5 BACKSPACE'
+        'both', '--duration', '1.7', play='0.1 2 TAB\n0.2 i*30\n1.5 BACKSPACE'
     )
     robots = report['robots']
     for name, y in (('go2', 0.6), ('mbot', -0.6)):
@@ -317,28 +320,22 @@ def test_a_fallen_go2_names_the_keys_that_raise_and_reset_it_and_they_do(
     assert position(report, 7.9)[2] > 0.25
 
 
-@pytest.mark.parametrize(
-    ('more', 'variables', 'opens'),
-    [
-        ((), {'DISPLAY': ':0'}, True),
-        (('--no-open',), {'DISPLAY': ':0'}, False),
-        ((), {'DISPLAY': 'localhost:10.0', 'SSH_CONNECTION': '192.0.2.1 5 192.0.2.2 22'}, False),
-        ((), {}, False),
-    ],
-)
-def test_the_page_opens_itself_where_somebody_sits_in_front_of_a_desktop(
-    window: Callable[..., Window],
-    tmp_path: Path,
-    more: tuple[str, ...],
-    variables: dict[str, str],
-    opens: bool,
-) -> None:
+@pytest.fixture
+def asked(tmp_path: Path) -> Path:
+    """Return where a desktop's `xdg-open`, beside it, writes what it is asked to open."""
     tools, asked = tmp_path / 'tools', tmp_path / 'asked'
     tools.mkdir()
     (tools / 'xdg-open').write_text(f'#!/bin/sh\necho "$@" >{asked}.new; mv {asked}.new {asked}\n')
     (tools / 'xdg-open').chmod(0o755)
-    path = f'{tools}{os.pathsep}{os.environ["PATH"]}'
-    run = window('mbot', '--viewer', 'web', *more, columns=120, PATH=path, **variables)
+    return asked
+
+
+@pytest.mark.parametrize(('more', 'opens'), [((), True), (('--no-open',), False)])
+def test_the_page_opens_itself_where_somebody_sits_in_front_of_a_desktop(
+    window: Callable[..., Window], asked: Path, more: tuple[str, ...], opens: bool
+) -> None:
+    path = f'{asked.parent}/tools{os.pathsep}{os.environ["PATH"]}'
+    run = window('mbot', '--viewer', 'web', *more, columns=120, PATH=path, DISPLAY=':0')
     run.wait_for(lambda line: line.startswith('stopped'))
     # With the install's lines (tests/bootstrap) at most 15 until the address.
     before, found, _ = run.shown.partition('viewer: ')
@@ -351,3 +348,18 @@ def test_the_page_opens_itself_where_somebody_sits_in_front_of_a_desktop(
     assert asked.exists() == opens
     if opens:
         assert f'viewer: {asked.read_text().strip()}' in run.shown
+
+
+@pytest.mark.parametrize(
+    'variables',
+    [{'DISPLAY': 'localhost:10.0', 'SSH_CONNECTION': '192.0.2.1 5 192.0.2.2 22'}, {}],
+)
+def test_no_page_opens_where_nobody_sits_in_front_of_a_desktop(
+    asked: Path, variables: dict[str, str]
+) -> None:
+    path = {'PATH': f'{asked.parent}/tools{os.pathsep}{os.environ["PATH"]}'}
+    assert not show_page('http://127.0.0.1:8080/', {**path, **variables})
+    # Where somebody does, it is asked for: else the desktop of this test is none.
+    assert show_page('http://127.0.0.1:8080/', {**path, 'DISPLAY': ':0'})
+    wait_until(asked.exists)
+    assert asked.read_text() == 'http://127.0.0.1:8080/\n'
