@@ -78,26 +78,28 @@ class Drive:
         self.speeds.append((self.world.time, float(abs(wheels).max()) * RADIUS))
 
 
-# Longer than a command counts [s], and longer than anything here has patience with it.
-@pytest.mark.parametrize(('stopped', 'still_sent'), [(1.0, 0.0), (6.0, 0.5)])
-def test_a_drive_that_was_stopped_stands_when_it_goes_on(
-    spawn, spin_until, controller, stopped, still_sent
-):
+# How long it is stopped, and how long commands go on meanwhile [s]: longer than a command counts,
+# and longer than anything here has patience with it.
+STOPS = ((1.0, 0.0), (6.0, 0.5))
+
+
+def test_a_drive_that_was_stopped_stands_when_it_goes_on(spawn, spin_until, controller):
     drive = Drive(spawn, spin_until)
-    drive.is_sending = True
-    drive.reach(SPEED)
-    controller.send_signal(signal.SIGSTOP)
-    if still_sent:
-        drive.run(still_sent)  # nobody takes these
-    drive.is_sending = False
-    drive.run(stopped - still_sent)
-    controller.send_signal(signal.SIGCONT)
-    begin = drive.world.time
-    speeds = drive.run(TIMEOUT + 3.0)
-    assert max(speed for _, speed in speeds) <= 1.05 * SPEED
-    # Time here waits for nobody: on a busy machine the controller takes a while to go on.
-    late = [speed for when, speed in speeds if when > begin + TIMEOUT + 0.5]
-    assert max(late) < 0.005
+    for stopped, still_sent in STOPS:
+        drive.is_sending = True
+        drive.reach(SPEED)
+        controller.send_signal(signal.SIGSTOP)
+        if still_sent:
+            drive.run(still_sent)  # nobody takes these
+        drive.is_sending = False
+        drive.run(stopped - still_sent)
+        controller.send_signal(signal.SIGCONT)
+        begin = drive.world.time
+        speeds = drive.run(TIMEOUT + 3.0)
+        assert max(speed for _, speed in speeds) <= 1.05 * SPEED
+        # Time here waits for nobody: on a busy machine the controller takes a while to go on.
+        late = [speed for when, speed in speeds if when > begin + TIMEOUT + 0.5]
+        assert max(late) < 0.005
     # It was not stopped for good.
     drive.is_sending = True
     drive.reach(SPEED)

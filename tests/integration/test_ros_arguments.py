@@ -108,11 +108,19 @@ def test_the_table_has_every_node_of_a_package_with_a_parameter_file():
 
 
 @pytest.mark.parametrize('name', CASES)
-def test_a_namespace_prefixes_every_topic_but_clock_diagnostics_and_tf(name, node_of):
-    node = node_of(name, '-r', '__ns:=/field/robot')
+def test_a_node_takes_a_namespace_a_remapping_and_parameters(name, node_of):
+    case = CASES[name]
+    word = f'{case.parameter}:={yaml.safe_dump(case.value).splitlines()[0]}'
+    words = ('-r', f'{case.topic}:=somewhere/else', '-p', word, '-p', 'use_sim_time:=true')
+    node = node_of(name, '-r', '__ns:=/field/robot', *words)
     assert node.get_fully_qualified_name() == f'/field/robot/{name}'
+    # A namespace prefixes every topic but these.
     outside = {topic for topic in topics(node) if not topic.startswith('/field/robot/')}
     assert outside <= {'/clock', '/diagnostics', '/tf', '/tf_static'}
+    assert '/field/robot/somewhere/else' in topics(node)
+    assert f'/field/robot/{case.topic}' not in topics(node)
+    assert node.get_parameter(case.parameter).value == case.value
+    assert node.get_parameter('use_sim_time').value is True
 
 
 @pytest.mark.parametrize('name', ['simulator', 'diff_drive_controller'])
@@ -122,22 +130,6 @@ def test_diagnostics_of_all_are_on_one_topic_and_say_whose_they_are(name, node_o
     publisher.publish = sent.append
     node.publish_diagnostics(*(['running'] if name == 'simulator' else []))
     assert [status.name for status in sent[0].status] == [f'field/robot/{name}']
-
-
-@pytest.mark.parametrize('name', CASES)
-def test_a_topic_can_be_renamed(name, node_of):
-    node = node_of(name, '-r', f'{CASES[name].topic}:=somewhere/else')
-    assert '/somewhere/else' in topics(node)
-    assert f'/{CASES[name].topic}' not in topics(node)
-
-
-@pytest.mark.parametrize('name', CASES)
-def test_a_parameter_can_be_given_on_the_command_line(name, node_of):
-    case = CASES[name]
-    word = f'{case.parameter}:={yaml.safe_dump(case.value).splitlines()[0]}'
-    node = node_of(name, '-p', word, '-p', 'use_sim_time:=true')
-    assert node.get_parameter(case.parameter).value == case.value
-    assert node.get_parameter('use_sim_time').value is True
 
 
 @pytest.mark.parametrize('namespace', [(), ('-r', '__ns:=/robot')], ids=['root', 'namespace'])
@@ -156,6 +148,19 @@ def test_the_file_in_share_changed_in_one_line_changes_one_parameter(
     # By repr: NaN is no equal of itself, and an int is no float.
     values = {parameter: plain(node.get_parameter(parameter).value) for parameter in wanted}
     assert {p: repr(v) for p, v in values.items()} == {p: repr(v) for p, v in wanted.items()}
+    assert_publishers_offer_the_most_and_latch_what_late_joiners_need(node, *namespace[1:])
+
+
+def assert_publishers_offer_the_most_and_latch_what_late_joiners_need(node, namespace=''):
+    """Check the quality of service of each topic; a namespace is `__ns:=/name`."""
+    prefix = namespace.removeprefix('__ns:=')
+    for publisher in node.publishers:
+        topic, profile = publisher.topic_name.removeprefix(prefix), publisher.qos_profile
+        if topic in ('/rosout', '/parameter_events'):
+            continue
+        assert profile.reliability == ReliabilityPolicy.RELIABLE, topic
+        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        assert latched == (topic in LATCHED or topic[1:] in LATCHED), topic
 
 
 def plain(value: Any) -> Any:
@@ -205,15 +210,3 @@ def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, 'Traceback' in errors) == (0, False), errors
-
-
-@pytest.mark.parametrize('name', CASES)
-def test_publishers_offer_the_most_and_latch_what_late_joiners_need(name, node_of):
-    node = node_of(name)
-    for publisher in node.publishers:
-        topic, profile = publisher.topic_name, publisher.qos_profile
-        if topic in ('/rosout', '/parameter_events'):
-            continue
-        assert profile.reliability == ReliabilityPolicy.RELIABLE, topic
-        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        assert latched == (topic in LATCHED or topic[1:] in LATCHED), topic

@@ -2,8 +2,10 @@
 """Names and words of others reach a terminal with their control characters made visible."""
 
 from collections.abc import Callable
+import json
 import os
 from pathlib import Path
+import re
 import signal
 import time
 from typing import Any
@@ -20,53 +22,71 @@ pytestmark = pytest.mark.slow
 TITLE = '\x1b]0;owned\x07'
 SHOWN = '^[]0;owned^G'
 BIDI = '\u202e'
-DESCRIBE = ('-m', 'robot_description.describe_command')
+CLI, DESCRIBE, KEYBOARDS = (
+    'wasd_bringup.cli',
+    'robot_description.describe_command',
+    'teleop_keyboard',
+)
+REFUSED = [
+    (CLI, 'mbot', '--world', f'x{TITLE}'),
+    (CLI, 'mbot', '--play', f'no{TITLE}.txt'),
+    (CLI, f'go{TITLE}'),
+    (CLI, 'keys', f'no{TITLE}.yaml'),
+    (CLI, 'replay', f'no{TITLE}.mcap'),
+    (DESCRIBE, 'lint', f'no{TITLE}.urdf'),
+    (f'{KEYBOARDS}.teleop_node', f'--{TITLE}'),
+    (f'{KEYBOARDS}.key_publisher_node', f'--{TITLE}'),
+    (f'{KEYBOARDS}.keys_to_twist_node', '--ros-args', '-p', f'preset:={TITLE}'),
+]
+# Runs the modules of programs one after the other, and says how each ended.
+EACH = """
+import json, sys
+from importlib import import_module
+for program, *words in map(json.loads, sys.argv[1:]):
+    try:
+        status = import_module(program).main(words)
+    except SystemExit as end:
+        status = end.code
+    print('ENDED', status, flush=True)
+"""
 URDF = f'<robot name="r{BIDI}x\x9by"><link name="base{BIDI}"/></robot>'
 
 
 @pytest.fixture
 def shown(
     environment: dict[str, str], tmp_path: Path, run_on_terminal: Any
-) -> Callable[..., tuple[int, str]]:
-    """Return a function that runs a program on a terminal: its status and what it showed."""
+) -> Callable[..., list[tuple[str, str]]]:
+    """
+    Return a function that runs programs on a terminal: what each showed, and its status.
 
-    def run(*arguments: str) -> tuple[int, str]:
-        session = run_on_terminal(list(arguments), environment, tmp_path)
-        return session.end(), session.shown
+    They are given as module and words, and share a process.
+    """
+
+    def run(*programs: tuple[str, ...]) -> list[tuple[str, str]]:
+        session = run_on_terminal(['-c', EACH, *map(json.dumps, programs)], environment, tmp_path)
+        assert session.end() == 0, session.shown
+        parts = re.split(r'ENDED (\d+)\r\n', session.shown)
+        return list(zip(parts[:-1:2], parts[1::2], strict=True))
 
     return run
 
 
-@pytest.mark.parametrize(
-    'arguments',
-    [
-        ('-m', 'wasd_bringup.cli', 'mbot', '--world', f'x{TITLE}'),
-        ('-m', 'wasd_bringup.cli', 'mbot', '--play', f'no{TITLE}.txt'),
-        ('-m', 'wasd_bringup.cli', f'go{TITLE}'),
-        ('-m', 'wasd_bringup.cli', 'keys', f'no{TITLE}.yaml'),
-        ('-m', 'wasd_bringup.cli', 'replay', f'no{TITLE}.mcap'),
-        (*DESCRIBE, 'lint', f'no{TITLE}.urdf'),
-        ('-m', 'teleop_keyboard.teleop_node', f'--{TITLE}'),
-        ('-m', 'teleop_keyboard.key_publisher_node', f'--{TITLE}'),
-        ('-m', 'teleop_keyboard.keys_to_twist_node', '--ros-args', '-p', f'preset:={TITLE}'),
-    ],
-    ids=lambda words: ' '.join(words[1:3]).encode('unicode_escape').decode(),
-)
-def test_a_refusal_shows_what_it_quotes(shown: Any, arguments: tuple[str, ...]) -> None:
-    status, text = shown(*arguments)
-    assert status == 2
-    assert 'owned' in text
-    assert '\x1b]' not in text
-    assert '\x07' not in text
+def test_a_refusal_shows_what_it_quotes(shown: Any) -> None:
+    for words, (text, status) in zip(REFUSED, shown(*REFUSED), strict=True):
+        assert status == '2', words
+        assert 'owned' in text, words
+        assert '\x1b]' not in text, words
+        assert '\x07' not in text, words
 
 
-@pytest.mark.parametrize('command', ['info', 'expand', 'lint'])
-def test_names_in_a_robot_description(shown: Any, tmp_path: Path, command: str) -> None:
+def test_names_in_a_robot_description(shown: Any, tmp_path: Path) -> None:
     (tmp_path / 'robot.urdf').write_text(URDF)
-    _, text = shown(*DESCRIBE, command, 'robot.urdf')
-    assert 'u202e' in text
-    assert BIDI not in text
-    assert '\x9b' not in text
+    commands = ('info', 'expand', 'lint')
+    told = shown(*((DESCRIBE, command, 'robot.urdf') for command in commands))
+    for command, (text, _) in zip(commands, told, strict=True):
+        assert 'u202e' in text, command
+        assert BIDI not in text, command
+        assert '\x9b' not in text, command
 
 
 def test_a_message_that_is_echoed(
@@ -80,10 +100,9 @@ def test_a_message_that_is_echoed(
     node = rclpy.create_node('talker', context=context)
     latched = rclpy.qos.QoSProfile(depth=1, durability=rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_publisher(String, 'state', latched).publish(String(data=f'{TITLE}{BIDI}'))
-    cli = ['-m', 'wasd_bringup.cli']
     for field in ([], ['--field', 'data']):
         for _ in range(5):  # on a busy machine a topic may be discovered too late for one
-            words = [*cli, 'echo', 'state', '--once', *field]
+            words = ['-m', CLI, 'echo', 'state', '--once', *field]
             session = run_on_terminal(words, environment, tmp_path)
             if session.end() == 0:
                 break
