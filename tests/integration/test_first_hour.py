@@ -192,11 +192,12 @@ def test_in_a_pipe_the_state_is_told_in_plain_lines(
     assert states[-3:] == [f'{name}{state}' for state in ('stopped', 'driving', 'stopped')]
 
 
-def test_on_a_dumb_terminal_state_and_refusal_are_told_in_plain_lines(
+def test_on_a_dumb_terminal_state_and_answer_are_told_in_plain_lines(
     window: Callable[..., Window],
 ) -> None:
-    run = window('go2', TERM='dumb')
-    for keys, told in (('', 'passive\r\n'), ('w', f'passive: {CURE}'), ('2', 'fixed stand\r\n')):
+    run = window('mbot', TERM='dumb')
+    lesson = 'stopped: drive with i , j l; w is speed +10 %'
+    for keys, told in (('', 'stopped\r\n'), ('w', lesson), ('i', 'driving\r\n')):
         run.type(keys)
         deadline = time.monotonic() + PATIENCE
         while told not in run.shown:
