@@ -47,8 +47,10 @@ def balanced(mass, com):
 
 def felt(observer, dynamics, mass, com, seconds=5.0):
     """Return the dynamics that a robot at rest believes in after so long [s]."""
+    robot = resting(dynamics(), balanced(mass, com), np.zeros(3))
+    found = robot.flat.copy()
     for _ in range(round(seconds / DT)):
-        robot = resting(dynamics(), balanced(mass, com), np.zeros(3))
+        robot.flat[:] = found
         feel_load(observer.flat, robot.flat, observer.rule(TIME), DT)
     return robot.dynamics
 
