@@ -63,7 +63,7 @@ def test_a_network_sees_the_step_ahead_as_it_is_or_as_the_robot_has_mapped_it(
     dog.press('2')
     dog.run(1.0)
     dog.press('p')
-    dog.run(2.0)
+    dog.run(1.2)
     assert dog.state == 'policy'
     shown = dog._robot.legs._walker.observation[-187:].reshape(11, 17)
     x, _, z = dog.truth.position

@@ -72,6 +72,7 @@ def test_an_estimated_velocity_is_warned_of():
 def test_orders_that_may_be_meant_are_the_others_of_the_same_joints():
     told = dict(orders(SPEC))
     assert len(told) == 3
+    assert told.items() <= dict(variants(SPEC)).items()
     assert all(set(spec.joints) == set(MOTORS) != spec.joints for spec in told.values())
     assert order_of(SPEC) == 'FR FL RR RL, leg by leg'
     assert {order_of(spec) for spec in told.values()} == {

@@ -112,7 +112,7 @@ def test_a_patrol_goes_round_until_somebody_drives(make):
 
 def test_a_patrol_ends_where_no_goal_can_be_reached(make):
     run = make(goals=((99.0, 0.0, 0.0), (0.0, 99.0, 0.0)), patrol=True)
-    go_on(run, 5.0)
+    go_on(run, 3.0)
     navigation = run.navigations[0]
     assert {goal['state'] for goal in navigation.report()['goals']} == {'refused'}
     assert len(navigation.report()['goals']) == 2
