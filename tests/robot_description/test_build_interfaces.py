@@ -154,8 +154,10 @@ def test_an_interrupted_install_leaves_nothing_that_can_be_imported(
     prefix, monkeypatch, tmp_path_factory
 ):
     made = tmp_path_factory.mktemp('made')
-    build_interfaces.generate(TF2_MSGS, made)
-    (made / 'lib').mkdir()
+    code = made / build_interfaces.PYTHON / 'tf2_msgs'
+    for folder in (made / 'lib', code):
+        folder.mkdir(parents=True)
+    (code / '__init__.py').touch()
 
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
@@ -206,6 +208,13 @@ def test_a_compiler_that_fails_is_quoted(prefix, monkeypatch, capfd, tmp_path):
     compiler.write_text('#!/bin/sh\necho "x.c:1: error: out of luck" >&2; exit 1\n')
     compiler.chmod(0o755)
     monkeypatch.setenv('CXX', str(compiler))
+
+    def generate(_: object, made: Path) -> None:
+        source = made / 'rosidl_generator_c/tf2_msgs/msg/detail/x.c'
+        source.parent.mkdir(parents=True)
+        source.touch()
+
+    monkeypatch.setattr(build_interfaces, 'generate', generate)
     assert build_interfaces.main() == 2
     said = capfd.readouterr().err
     assert (said.count('\n'), 'error: out of luck' in said) == (1, True)
