@@ -35,15 +35,29 @@ def moves(listener):
     return sum(1 for velocity in listener.velocities if velocity.vx != 0.0)
 
 
+def assert_pastes_are_no_longer_marked(process, end):
+    """End a program by what is typed, or by SIGTERM; look at the terminal that it leaves."""
+    assert b'\x1b[?2004l' not in process.output
+    if end == 'TERM':
+        process.process.terminate()
+    else:
+        process.type(end)
+    process.wait()
+    process.wait_for(b'\x1b[?2004l')
+    assert process.attributes == process.before
+
+
 @pytest.mark.parametrize(
-    ('program', 'marks'),
+    ('program', 'marks', 'end'),
     [
-        *((program, (b'', b'')) for program in ('teleop', 'pair', 'mbot')),
-        ('teleop', (PASTE_BEGIN, PASTE_END)),
+        ('teleop', (b'', b''), b'\x03'),
+        ('teleop', (PASTE_BEGIN, PASTE_END), b'\x1c'),
+        ('pair', (b'', b''), b'\x03'),
+        ('mbot', (b'', b''), b'\x03'),
     ],
 )
 def test_a_pasted_megabyte_drives_for_no_more_than_0_3_s(
-    program, marks, pty_process, listener, background
+    program, marks, end, pty_process, listener, background
 ):
     if program == 'pair':
         background('teleop_keyboard.keys_to_twist_node', '--ros-args', '-p', 'preset:=mbot')
@@ -55,6 +69,7 @@ def test_a_pasted_megabyte_drives_for_no_more_than_0_3_s(
     assert moves(listener) <= 0.3 * 50
     # And the keyboard is alive.
     listener.drive(process)
+    assert_pastes_are_no_longer_marked(process, end)
 
 
 def test_a_stop_key_overtakes_what_was_pasted_before_it(pty_process, listener):
@@ -70,19 +85,4 @@ def test_a_stop_key_overtakes_what_was_pasted_before_it(pty_process, listener):
     process.type(b' ')
     wait_until(lambda: listener.stands)
     assert stopwatch.took(listener.moved_at) <= 0.2
-
-
-@pytest.mark.parametrize(
-    ('program', 'end'),
-    [(TELEOP, b'\x03'), (TELEOP, b'\x1c'), (TELEOP, 'TERM'), (KEYS, b'\x03')],
-)
-def test_the_terminal_no_longer_marks_pastes_afterwards(pty_process, program, end):
-    process = pty_process(*program)
-    process.wait_for(b'\x1b[?2004h')
-    if end == 'TERM':
-        process.process.terminate()
-    else:
-        process.type(end)
-    process.wait()
-    process.wait_for(b'\x1b[?2004l')
-    assert process.attributes == process.before
+    assert_pastes_are_no_longer_marked(process, 'TERM')
