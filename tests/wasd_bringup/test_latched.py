@@ -164,8 +164,11 @@ def test_from_wherever_it_was_stopped_what_is_held_moves_nothing(held_of):
         held.stop(origin)
         held.run(0.5)
         place = held.place
+        assert held.robot.status().state == 'E-STOP', origin
+        assert held.robot.status().message.startswith('ENTER releases E-STOP (by '), origin
         for release in ('', 'ENTER'):
             held.session.press(release)
+            assert (held.robot.status().state == 'E-STOP') == (release == ''), origin
             held.run(0.4)
             assert np.allclose(held.place, place, atol=1e-3), origin
         held.run(SILENCE + 0.1, holds=False)
@@ -187,6 +190,8 @@ def test_nothing_but_its_release_ends_a_stop_that_holds(held_of):
             held.session.press(' ')
         held.run(0.5)
         assert np.allclose(held.place, place, atol=1e-3), what
+        assert held.robot.status().state == 'E-STOP', what
+        held.run(SILENCE + 0.1, holds=False)  # what is held next would be pressed anew
 
 
 def test_the_service_releases_it(held_of):
