@@ -35,7 +35,7 @@ def test_a_monkey_presses_every_kind_of_key(bench: Any) -> None:
 
 @pytest.mark.parametrize(('gait', 'world'), [('trot', 'flat'), ('walk', 'boxes:0.05')])
 def test_random_keys_make_nothing_fall(bench: Any, gait: str, world: str) -> None:
-    tried = bench('legs_states').monkey('', [3000], 20.0, world=world, gait=gait)
+    tried = bench('legs_states').monkey('', [3000], 10.0, world=world, gait=gait)
     assert bench('trials').simulate(tried.runs[0]).report['falls'] == 0
 
 
@@ -81,7 +81,6 @@ def test_a_tour_goes_from_a_state_into_each_other(bench: Any) -> None:
 def test_a_push_in_the_swing_test_makes_nothing_that_follows_fall(bench: Any) -> None:
     """A small sample of benchmarks/state_pairs.py."""
     pairs = bench('state_pairs')
-    into = (StateName.PASSIVE, StateName.TROTTING, StateName.BALANCE_TEST)
+    into = (StateName.TROTTING, StateName.BALANCE_TEST)
     tour = pairs.tour(StateName.SWING_TEST, 'pushed by 15 N s', 3001, into)
-    report = bench('trials').simulate(tour.run).report
-    assert report['fell_at'] is None or tour.pair_at(report['fell_at']).endswith('to passive')
+    assert bench('trials').simulate(tour.run).report['fell_at'] is None
