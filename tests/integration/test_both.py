@@ -14,14 +14,14 @@ pytestmark = pytest.mark.slow
 
 # Who is driven, and which keys: go2 begins.
 PARTS = (
-    ('0.1 2\n2.2 4\n2.4 w*20', 3.2),
-    ('3.3 i*30\n4.4 j*6', 4.7),
-    ('4.75 a*10\n5.1 l*5', 5.4),
-    ('5.45 u*15', 6.0),
-    ('6.05 SPACE', 6.1),
+    ('0.1 2\n1.2 4\n1.4 w*20', 2.2),
+    ('2.3 i*30\n3.4 j*6', 3.7),
+    ('3.75 a*10\n4.1 l*5', 4.4),
+    ('4.45 u*15', 5.0),
+    ('5.05 SPACE', 5.1),
 )
-DURATION = '6.2'
-FIRST_OF_MBOT = 3.3e9  # [ns]
+DURATION = '5.2'
+FIRST_OF_MBOT = 2.3e9  # [ns]
 SCRIPT = '\n'.join(f'{keys}\n{end} TAB' for keys, end in PARTS)
 GO2_KEYS = '\n'.join(keys for keys, _ in PARTS[0::2])
 MBOT_KEYS = '\n'.join(keys for keys, _ in PARTS[1::2])

@@ -16,9 +16,9 @@ def test_it_speeds_up_on_ice_without_falling(tmp_path):
     path.write_text(RINK)
     dog = wasd.Go2(world=str(path), seed=906)
     dog.press('2')
-    dog.run(2.5)
     dog.press('5')
+    dog.run(1.2)
     dog.drive(0.5)
-    dog.run(4.0)
+    dog.run(3.0)
     assert dog.state == 'move base'
     assert dog.truth.planar_velocity[0] == pytest.approx(0.5, abs=0.1)
