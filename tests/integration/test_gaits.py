@@ -12,7 +12,7 @@ import wasd
 STEPS, COUNT = 0.1, 12
 # Ramp and settling before the speed counts, of each axis [s]; some gaits gain speed slowly. Ahead
 # comes last: from there the gait changes.
-SETTLE = {2: 2.0, 1: 2.0, 0: 3.0}
+SETTLE = {2: 1.4, 1: 2.0, 0: 3.0}
 
 
 def speed(dog: wasd.Go2, axis: int) -> float:
@@ -43,14 +43,14 @@ def test_a_gait_follows_its_full_stick_and_changes_at_full_speed(limits: str, co
     """A small sample of benchmarks/gait_limits.py: with `race`, one robot goes through all."""
     dog = wasd.Go2(seed=905, limits=limits)
     dog.press('2')
-    dog.run(2.2)
     dog.press('5')
+    dog.run(1.2)  # as soon as it stands
     seen = []
     for number in range(count):
         if number:
             dog.press('n')
         dog.drive(9.0, 9.0, 9.0)
-        dog.run(2.0)
+        dog.run(1.0)
         assert dog.state == 'move base'
         follow_each_stick(dog)
         seen.append(dog.full_stick)
