@@ -132,16 +132,21 @@ def test_key_2_folds_first_a_thigh_that_lies_far_from_its_fold(
     assert (controller.state, controller.is_fallen) == (state, False)
 
 
+@pytest.fixture(scope='module')
+def anymal() -> tuple[World, RobotModel]:
+    loaded = load_robot(ANYMAL_B)
+    return build_world(loaded, 'flat', 3, usual_setup(loaded)), RobotModel(loaded)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     'hooked', [(0, 2.6, 2.5, 0.4), (1, -2.6, 2.9, -0.6), (1, -3.82, 9.04, 2.78)]
 )
-def test_a_leg_that_is_hooked_to_the_trunk_frees_itself(hooked):
+def test_a_leg_that_is_hooked_to_the_trunk_frees_itself(anymal, hooked):
     """ANYmal's hips turn all round: its knee hangs behind the trunk's edge, on the wrong side."""
     leg, *angles = hooked
-    loaded = load_robot(ANYMAL_B)
-    model = RobotModel(loaded)
-    dog = Dropped(build_world(loaded, 'flat', 3, usual_setup(loaded)), model, (0.0, 0.0, 0.0), 1)
+    world, model = anymal
+    dog = Dropped(world, model, (0.0, 0.0, 0.0), 1)
     pose = model.folded_pose.copy()
     pose[3 * leg : 3 * leg + 3] = angles
     pose_joints(dog.world, model.quadruped.joint_names, pose)
