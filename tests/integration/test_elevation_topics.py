@@ -48,7 +48,7 @@ def test_a_run_tells_heights_of_the_stairs_ahead_while_somebody_listens(ros):
         cast = []
         topic = next(topic for topic in sensors.topics if topic.kind == 'PointCloud2')
         topic.listen(lambda now, fields: cast.append(now), lambda: False)
-        session.simulation.advance(2600)
+        session.simulation.advance(1300)
         lidar = next(one.sensor for one in sensors._sensors if topic in one.topics.values())
         assert not lidar.is_turning  # nobody listens: no ray is cast
         peer.create_subscription(PointCloud2, 'elevation', maps.append, 10)
