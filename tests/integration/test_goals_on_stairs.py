@@ -16,10 +16,12 @@ pytestmark = pytest.mark.slow
 WORLD, LANDING = 'stairs:0.15', 0.9
 RISERS = 0.8 + 0.3 * np.arange(6)
 STAND = tuple(parse_key_script('0.3 2\n2.8 5', 'stand'))
+# It has stood up and looked about by then [s].
+LOOKED = 8
 
 
-def drive(goal, eyes, seconds, seed=120):
-    """Return a run, closed, with a goal, and its report."""
+def begin(eyes, goal=None):
+    """Return a run whose robot has stood up and looked about, or begun to drive to a goal."""
     run = Run(
         RunOptions(
             robot='go2',
@@ -32,17 +34,19 @@ def drive(goal, eyes, seconds, seed=120):
             keys=STAND,
             speed=0.0,
             samples=True,
-            seed=seed,
+            seed=120,
         )
     )
-    try:
-        for _ in range(round(seconds)):
-            run.simulation.advance(round(1.0 / run.world.time_step))
-            if run.report()['navigation']['goals']:
-                break
-        return run, run.report()
-    finally:
-        run.close()
+    go_on(run, LOOKED)
+    return run
+
+
+def go_on(run, seconds):
+    """Simulate so many seconds, or until a goal is reached or given up."""
+    for _ in range(seconds):
+        run.simulation.advance(round(1.0 / run.world.time_step))
+        if run.report()['navigation']['goals']:
+            break
 
 
 def kinds(run, x):
@@ -55,22 +59,33 @@ def kinds(run, x):
 
 
 def test_by_sight_it_drives_up_stairs_to_a_goal_on_the_landing():
-    run, report = drive((4.0, 0.5, math.nan), eyes=True, seconds=40)
-    (goal,) = report['navigation']['goals']
-    assert (goal['state'], goal['reason']) == ('arrived', '')
-    assert report['falls'] == 0
-    x, y, z = report['samples']['position'][-1]
-    assert math.hypot(x - 4.0, y - 0.5) < 0.15
-    assert z > LANDING + 0.2
-    # What it has climbed is free.
-    for riser in RISERS:
-        assert (kinds(run, riser) == FREE).mean() > 0.9
+    run = begin(eyes=True, goal=(3.2, 0.4, math.nan))
+    try:
+        go_on(run, 32)
+        report = run.report()
+        (goal,) = report['navigation']['goals']
+        assert (goal['state'], goal['reason']) == ('arrived', '')
+        assert report['falls'] == 0
+        x, y, z = report['samples']['position'][-1]
+        assert math.hypot(x - 3.2, y - 0.4) < 0.15
+        assert z > LANDING + 0.2
+        # What it has climbed is free.
+        for riser in RISERS:
+            assert (kinds(run, riser) == FREE).mean() > 0.9
+    finally:
+        run.close()
 
 
 def test_without_sight_stairs_are_an_obstacle():
     # The second riser is as high as the lidar of a robot that lies; heights are not known then.
-    blind, _ = drive(None, eyes=False, seconds=8)
-    assert (kinds(blind, RISERS[1]) == OCCUPIED).any(axis=0).all()
-    seeing, report = drive(None, eyes=True, seconds=8)
-    assert (kinds(seeing, RISERS[1]) == OCCUPIED).any(axis=0).mean() < 0.5
-    assert report['falls'] == 0
+    run = begin(eyes=False)
+    try:
+        assert (kinds(run, RISERS[1]) == OCCUPIED).any(axis=0).all()
+    finally:
+        run.close()
+    run = begin(eyes=True)
+    try:
+        assert (kinds(run, RISERS[1]) == OCCUPIED).any(axis=0).mean() < 0.5
+        assert run.report()['falls'] == 0
+    finally:
+        run.close()
