@@ -33,6 +33,7 @@ def draw(robot: Robot, path: Path) -> None:
     """
     if path.suffix.lower() != '.png':
         raise DescriptionError(f'--picture {path}: wanted FILE.png')
+    file = OutputFile(path, '--picture')  # first: a wrong place is said before anything is drawn
     if find_renderer() is None:
         raise DescriptionError(f'--picture needs {NO_RENDERER}')
     spec = to_mujoco(robot, visuals=True)
@@ -51,7 +52,7 @@ def draw(robot: Robot, path: Path) -> None:
     pixels = _render(model, _rest(model, robot))
     png = io.BytesIO()
     Image.fromarray(pixels).save(png, format='PNG')
-    OutputFile(path, '--picture').write(png.getvalue())
+    file.write(png.getvalue())
 
 
 def _rest(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
