@@ -9,6 +9,7 @@ process.
 
 import argparse
 from collections.abc import Callable
+import functools
 import importlib
 import json
 from pathlib import Path
@@ -27,6 +28,8 @@ from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 
 DESK = (1280, 720)
+# As many pictures a second: what a hand does waits for them while the run goes on.
+RATE = 100.0
 SCENARIOS = Path(__file__).with_name('wasd_cockpit')
 
 
@@ -92,7 +95,7 @@ class Page:
     def open(self, session: str = 'puppet', size: tuple[int, int] = DESK) -> None:
         """Go on as a browser of another session, or begin, with a page of a size [pixels]."""
         self.close()
-        self.puppet = PagePuppet(self.url, session=session, size=size)
+        self.puppet = PagePuppet(self.url, RATE, session, size)
         self.puppet.__enter__()
 
     def close(self) -> None:
@@ -108,6 +111,20 @@ class Page:
         self.puppet.draw(4)
         self.puppet.keys = set()
         self.puppet.draw(4)
+
+
+def paused(scenario: Callable[[Page], None]) -> Callable[[Page], None]:
+    """Have no time pass in a scenario: a look at the panels needs no robots that move."""
+
+    @functools.wraps(scenario)
+    def play(page: Page) -> None:
+        page.session.simulation.paused = True
+        try:
+            scenario(page)
+        finally:
+            page.session.simulation.paused = False
+
+    return play
 
 
 def run(module: str, words: list[str]) -> dict[str, str]:

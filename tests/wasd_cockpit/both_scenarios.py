@@ -10,7 +10,7 @@ import numpy as np
 from page_puppet import code, input_packet
 from quadruped_sim.keys import STATE_KEYS, TRANSITIONS
 from quadruped_sim.presets import GAITS
-from run_scenarios import DESK, Page
+from run_scenarios import DESK, Page, paused
 from wasd_cockpit.link import Columns
 from wasd_cockpit.scene import axes_of
 from websockets.sync.client import connect
@@ -88,7 +88,7 @@ def scenario_the_stick_walks_in_trotting_and_letting_go_is_stop(page: Page) -> N
     page.wait_until(lambda: (column(page, Columns.TRUTH, since)[1] > 0.2).any(), 'it walks')
     page.puppet.let_go()
     page.wait_until(lambda: page.robot.legs.controller.sticks.values.ly == 0.0, 'stick centred')
-    page.wait(1.0)
+    page.wait(0.5)
     assert column(page, Columns.COMMAND, page.session.world.time - 0.2)[1].max() == 0.0
 
 
@@ -160,6 +160,7 @@ def scenario_the_emergency_stop_stops_all_robots_at_once(page: Page) -> None:
     page.wait_until(lambda: page.snapshot.state == 'passive', 'go2 again')
 
 
+@paused
 def scenario_every_page_of_plots_has_something_to_show(page: Page) -> None:
     for name, plot in (
         ('velocity', 'plot of turn rad/s'),
@@ -173,6 +174,7 @@ def scenario_every_page_of_plots_has_something_to_show(page: Page) -> None:
     page.click('plot velocity')
 
 
+@paused
 def scenario_a_legend_is_whole_on_a_small_desk(page: Page) -> None:
     layout = page.cockpit.page.layout
     page.open('small', SMALL)
@@ -187,6 +189,7 @@ def scenario_a_legend_is_whole_on_a_small_desk(page: Page) -> None:
     page.wait_until(lambda: layout._size == DESK, 'the usual page')
 
 
+@paused
 def scenario_plots_of_a_low_desk_are_as_high_as_they_must_be_and_apart(page: Page) -> None:
     layout = page.cockpit.page.layout
     page.open('low', LOW)

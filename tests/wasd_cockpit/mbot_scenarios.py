@@ -9,7 +9,7 @@ from mujoco_sim.viewer.drawing import SLOW_PAGE
 import numpy as np
 from page_puppet import code, PagePuppet, SCENE
 import pytest
-from run_scenarios import Page
+from run_scenarios import Page, paused
 from scribbling import scribble_everywhere
 from wasd_cockpit.layout import PANELS
 from wasd_cockpit.link import Columns, STICK_PROOF
@@ -362,6 +362,7 @@ def scenario_a_spectator_has_no_panels_and_moves_nothing(page: Page) -> None:
     assert last_command(page, since) == 0.0
 
 
+@paused
 def scenario_on_a_phone_all_is_within_the_page_and_high_enough_for_a_finger(page: Page) -> None:
     page.open('phone', PHONE)
     page.wait_until(lambda: page.cockpit.page.layout.is_tall, 'a page that is higher than wide')
