@@ -26,16 +26,16 @@ PROGRAMS = {
 # Of processor time, which other programs do not take away [s].
 AT_ONCE = 1.0
 # Answers words in turn, by a function or, where none is named, as the module does that is run:
-# status, output and standard error of each.
+# status, output, standard error of each, and the processor time since the last, or the start.
 START = """
-import contextlib, io, json, runpy, sys
+import contextlib, io, json, runpy, sys, time
 from importlib import import_module
 module, _, function = sys.argv[1].partition(':')
 if function:
     main = getattr(import_module(module), function)
 else:
     main = lambda: runpy.run_module(module, run_name='__main__', alter_sys=True)
-answers = []
+answers, before = [], 0.0
 for word in sys.argv[2:]:
     said, complaint = (io.TextIOWrapper(io.BytesIO(), 'utf-8') for _ in range(2))
     sys.argv = ['', word]
@@ -47,24 +47,22 @@ for word in sys.argv[2:]:
     if function and not {'rclpy', 'mujoco'}.isdisjoint(sys.modules):
         complaint.write('heavy modules were loaded')
     said.seek(0), complaint.seek(0)
-    answers.append((status, said.read(), complaint.read()))
+    took, before = time.process_time() - before, time.process_time()
+    answers.append((status, said.read(), complaint.read(), took))
 print(json.dumps(answers))
 """
-# Help has a start of its own, as it comes at once; what is refused shares one.
-STARTS = (('--help',), ('-h', 'nonsense', '--nonsense', 'description:=go2'))
+# Of one start; the first is the help, which comes at once.
+WORDS = ('--help', '-h', 'nonsense', '--nonsense', 'description:=go2')
 
 
 def start(name: str, word: str) -> tuple[int, str, str, float]:
     """Run a program; return status, output, standard error, and the processor time it took."""
-    (words,) = (words for words in STARTS if word in words)
-    answers, took = answer(SCRIPTS[name], words)
-    return (*answers[words.index(word)], took)
+    return answer(SCRIPTS[name], WORDS)[WORDS.index(word)]
 
 
 @functools.cache
-def answer(main: str, words: tuple[str, ...]) -> tuple[list[list[Any]], float]:
+def answer(main: str, words: tuple[str, ...]) -> list[Any]:
     """Return what a function or a module answers to words, and the processor time it took."""
-    before = os.times()
     done = subprocess.run(
         [sys.executable, '-c', START, main, *words],
         capture_output=True,
@@ -74,9 +72,9 @@ def answer(main: str, words: tuple[str, ...]) -> tuple[list[list[Any]], float]:
         check=False,
         env={**os.environ, 'COLUMNS': '80'},
     )
-    after = os.times()
     assert (done.returncode, done.stderr) == (0, '')
-    return json.loads(done.stdout), sum(after[2:4]) - sum(before[2:4])
+    answers: list[Any] = json.loads(done.stdout)
+    return answers
 
 
 def test_all_programs_are_known():
@@ -126,8 +124,8 @@ def test_an_unknown_word_is_refused_in_one_line(name, word):
 @pytest.mark.parametrize('name', PROGRAMS)
 def test_a_node_started_by_its_module_answers_the_same(name):
     words = ('--help', 'nonsense')
-    asked, _ = answer(PROGRAMS[name].module, words)
-    assert asked == [list(start(name, word)[:3]) for word in words]
+    asked = [each[:3] for each in answer(PROGRAMS[name].module, words)]
+    assert asked == [start(name, word)[:3] for word in words]
 
 
 @for_all(

@@ -3,7 +3,6 @@
 
 import argparse
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 import json
 import re
 import signal
@@ -27,6 +26,100 @@ pytestmark = pytest.mark.slow
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 Ask = Callable[..., 'subprocess.CompletedProcess[str]']
+
+
+def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
+    spawn: Any, new_runner: Any, spin_until: Any, isolated_ros: int
+) -> None:
+    import rclpy
+
+    node = spawn(rclpy.create_node('talker'))
+    publisher = node.create_publisher(String, 'chatter', qos_profile_sensor_data)
+    process = new_runner(isolated_ros).start('echo', 'chatter', stdout=subprocess.PIPE)
+    spin_until(spawn.pump, publisher.get_subscription_count)
+    publisher.publish(String(data='hello'))
+    assert process.stdout.readline() == 'data: hello\n'
+    process.stdout.close()
+
+    def talk() -> bool:
+        publisher.publish(String(data='again'))
+        return process.poll() is not None
+
+    spin_until(spawn.pump, talk)
+    assert process.returncode == 0
+
+
+@pytest.fixture
+def asking(new_runner: Any, isolated_ros: int, spawn: Any, spin_until: Any) -> Iterator[Any]:
+    """A `wasd params late_node` that has begun to look; no other node is there."""
+    import rclpy
+
+    watcher = spawn(rclpy.create_node('_watcher'))
+    process = new_runner(isolated_ros).start(
+        'params', 'late_node', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    spin_until(
+        spawn.pump,
+        lambda: any(name.startswith('_wasd_') for name in watcher.get_node_names()),
+        timeout=PATIENCE,
+    )
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def answer(process: Any, spawn: Any, spin_until: Any) -> str:
+    """Have the node of that name answer; return what the command says."""
+    import rclpy
+
+    spawn(rclpy.create_node('late_node'))
+    spin_until(spawn.pump, lambda: process.poll() is not None)
+    said, errors = process.communicate()
+    assert process.returncode == 0, errors
+    return str(said)
+
+
+class NobodyThere:
+    """A ROS graph without nodes."""
+
+    def require_node(self, name: str) -> None:
+        raise NotFound(f'no node {name}')
+
+
+@for_all('verb', ['list', 'get', 'set'])
+def test_params_with_a_verb_of_ros2_says_how_it_is_written(verb: str) -> None:
+    with pytest.raises(NotFound, match=rf'no node /{verb}; write params NODE \[NAME \[VALUE\]\]'):
+        params(NobodyThere(), argparse.Namespace(node=verb))  # type: ignore[arg-type]
+
+
+def test_params_waits_while_a_robot_appears_piece_by_piece(
+    asking: Any, spawn: Any, spin_until: Any
+) -> None:
+    import rclpy
+
+    for number in range(3):
+        spawn(rclpy.create_node(f'piece_{number}'))
+        time.sleep(1.8)
+    assert '  use_sim_time\n' in answer(asking, spawn, spin_until)
+
+
+def test_params_waits_for_a_run_that_it_knows_to_be_there(
+    isolated_ros: int, new_runner: Any
+) -> None:
+    with claim(isolated_ros, ['/']):
+        process = new_runner(isolated_ros).start(
+            'params', 'twist_mux', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        time.sleep(6.0)
+        assert process.poll() is None, process.communicate()[1]
+        late = programs.start([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
+        try:
+            said, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            late.terminate()
+            late.wait(PATIENCE)
+    assert process.returncode == 0, errors
+    assert '  use_sim_time\n' in said
 
 
 @pytest.fixture(scope='module')
@@ -86,17 +179,21 @@ def test_echo_gets_what_was_latched_before_it_came(ask: Ask) -> None:
 def test_hz_measures_the_rate_until_ctrl_c(robot: Any, ask: Ask) -> None:
     process = robot.start('hz', '/odom', stdout=subprocess.PIPE)
     form = r'average rate: ([\d.]+)\n\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: \d+\n'
-    rates = []
-    # 50 Hz of a robot at a quarter of its speed.
-    while pytest.approx(12.5, rel=0.3) not in rates:
-        told = process.stdout.readline() + process.stdout.readline()
-        found = re.fullmatch(form, told)
-        assert found, told
-        rates.append(float(found[1]))
-        # On a busy machine a run makes up for what it was late with.
-        assert len(rates) < 15, rates
-    process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE) == 0
+    rates: list[float] = []
+    try:
+        # 50 Hz of a robot at a quarter of its speed.
+        while pytest.approx(12.5, rel=0.3) not in rates:
+            told = process.stdout.readline() + process.stdout.readline()
+            found = re.fullmatch(form, told)
+            assert found, told
+            rates.append(float(found[1]))
+            # On a busy machine a run makes up for what it was late with.
+            assert len(rates) < 15, rates
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_call_pauses_the_simulation(ask: Ask) -> None:
@@ -195,136 +292,46 @@ WRONG = {
 }
 
 
-# Runs one command after the other; says how each ended, and what it said.
+# Runs commands side by side, each in a fork of one process that has loaded everything; says how
+# each ended, and what it said.
 EACH = """
-import contextlib, io, json, sys
+import json, os, sys, tempfile
+import rclpy
 from wasd_bringup.cli import main
+from wasd_bringup.tools.graph import commands
+running = []
 for words in map(json.loads, sys.argv[1:]):
-    with contextlib.redirect_stderr(io.StringIO()) as said:
-        status = main(words)
-    print(json.dumps([status, said.getvalue()]))
+    file = tempfile.TemporaryFile()
+    child = os.fork()
+    if not child:
+        status = 70
+        try:
+            os.dup2(file.fileno(), 2)
+            status = main(words)
+        finally:
+            sys.stderr.flush()
+            os._exit(status)
+    running.append((child, file))
+for child, file in running:
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    file.seek(0)
+    print(json.dumps([status, file.read().decode()]))
 """
 
 
-def at_once(robot: Any, *commands: tuple[str, ...]) -> 'list[subprocess.CompletedProcess[str]]':
-    """Run commands side by side, a process each: what is missing is waited for."""
-    with ThreadPoolExecutor(len(commands)) as pool:
-        return list(pool.map(lambda words: robot(*words), commands))
-
-
-@pytest.mark.usefixtures('ask')
-def test_what_is_missing_is_said_in_one_line(robot: Any) -> None:
-    for done, (words, reason) in zip(at_once(robot, *MISSING), MISSING.items(), strict=True):
-        assert done.returncode == 1, words
-        assert len(done.stderr.splitlines()) == 1, done.stderr
-        assert done.stderr.startswith('error: ')
-        assert reason in done.stderr
-
-
-def test_what_is_wrong_is_said_in_one_line(robot: Any, ask: Ask) -> None:
+@pytest.mark.parametrize(('cases', 'status'), [(MISSING, 1), (WRONG, 2)], ids=['missing', 'wrong'])
+def test_what_is_missing_or_wrong_is_said_in_one_line(
+    robot: Any, ask: Ask, cases: dict[tuple[str, ...], str], status: int
+) -> None:
     done = subprocess.run(
-        [sys.executable, '-c', EACH, *map(json.dumps, WRONG)],
+        [sys.executable, '-c', EACH, *map(json.dumps, cases)],
         env=robot.environment,
         capture_output=True,
         text=True,
     )
     answers = map(json.loads, done.stdout.splitlines())
-    for (words, reason), (status, said) in zip(WRONG.items(), answers, strict=True):
-        assert status == 2, words
+    for (words, reason), (ended, said) in zip(cases.items(), answers, strict=True):
+        assert ended == status, (words, said)
         assert len(said.splitlines()) == 1, said
         assert said.startswith('error: ')
         assert reason in said
-
-
-def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
-    spawn: Any, new_runner: Any, spin_until: Any, isolated_ros: int
-) -> None:
-    import rclpy
-
-    node = spawn(rclpy.create_node('talker'))
-    publisher = node.create_publisher(String, 'chatter', qos_profile_sensor_data)
-    process = new_runner(isolated_ros).start('echo', 'chatter', stdout=subprocess.PIPE)
-    spin_until(spawn.pump, publisher.get_subscription_count)
-    publisher.publish(String(data='hello'))
-    assert process.stdout.readline() == 'data: hello\n'
-    process.stdout.close()
-
-    def talk() -> bool:
-        publisher.publish(String(data='again'))
-        return process.poll() is not None
-
-    spin_until(spawn.pump, talk)
-    assert process.returncode == 0
-
-
-@pytest.fixture
-def asking(new_runner: Any, isolated_ros: int, spawn: Any, spin_until: Any) -> Iterator[Any]:
-    """A `wasd params late_node` that has begun to look; no other node is there."""
-    import rclpy
-
-    watcher = spawn(rclpy.create_node('_watcher'))
-    process = new_runner(isolated_ros).start(
-        'params', 'late_node', stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    spin_until(
-        spawn.pump,
-        lambda: any(name.startswith('_wasd_') for name in watcher.get_node_names()),
-        timeout=PATIENCE,
-    )
-    yield process
-    process.kill()
-    process.communicate()
-
-
-def answer(process: Any, spawn: Any, spin_until: Any) -> str:
-    """Have the node of that name answer; return what the command says."""
-    import rclpy
-
-    spawn(rclpy.create_node('late_node'))
-    spin_until(spawn.pump, lambda: process.poll() is not None)
-    said, errors = process.communicate()
-    assert process.returncode == 0, errors
-    return str(said)
-
-
-class NobodyThere:
-    """A ROS graph without nodes."""
-
-    def require_node(self, name: str) -> None:
-        raise NotFound(f'no node {name}')
-
-
-@for_all('verb', ['list', 'get', 'set'])
-def test_params_with_a_verb_of_ros2_says_how_it_is_written(verb: str) -> None:
-    with pytest.raises(NotFound, match=rf'no node /{verb}; write params NODE \[NAME \[VALUE\]\]'):
-        params(NobodyThere(), argparse.Namespace(node=verb))  # type: ignore[arg-type]
-
-
-def test_params_waits_while_a_robot_appears_piece_by_piece(
-    asking: Any, spawn: Any, spin_until: Any
-) -> None:
-    import rclpy
-
-    for number in range(3):
-        spawn(rclpy.create_node(f'piece_{number}'))
-        time.sleep(1.8)
-    assert '  use_sim_time\n' in answer(asking, spawn, spin_until)
-
-
-def test_params_waits_for_a_run_that_it_knows_to_be_there(
-    isolated_ros: int, new_runner: Any
-) -> None:
-    with claim(isolated_ros, ['/']):
-        process = new_runner(isolated_ros).start(
-            'params', 'twist_mux', stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
-        time.sleep(6.0)
-        assert process.poll() is None, process.communicate()[1]
-        late = programs.start([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
-        try:
-            said, errors = process.communicate(timeout=PATIENCE)
-        finally:
-            late.terminate()
-            late.wait(PATIENCE)
-    assert process.returncode == 0, errors
-    assert '  use_sim_time\n' in said
