@@ -21,7 +21,8 @@ pytestmark = pytest.mark.slow
 
 PYTHON = sys.executable
 WASD = (PYTHON, '-m', 'wasd_bringup.cli')
-MBOT = (*WASD, 'mbot', '--viewer', 'none')
+# Slow, so that robots that wait for others take little of a processor.
+MBOT = (*WASD, 'mbot', '--viewer', 'none', '--speed', '0.5')
 # A range for benchmarks that no network uses (RFC 2544).
 HOME, FOREIGN = '198.18.77.1', '198.18.77.2'
 # What decides who may talk; the processes here start without, as a user's do.
