@@ -8,6 +8,7 @@ from pathlib import Path
 import pty
 import re
 import select
+import signal
 import struct
 import subprocess
 import sys
@@ -93,12 +94,17 @@ class Window:
         """Type keys."""
         os.write(self.master, keys.encode())
 
-    def close(self) -> None:
-        """End it."""
-        self.process.terminate()
+    def end(self) -> int | None:
+        """Read on until it has ended; return its exit status, None if it goes on for long."""
         deadline = time.monotonic() + PATIENCE
         while self.process.poll() is None and time.monotonic() < deadline:
             self.read(0.05)
+        return self.process.returncode
+
+    def close(self) -> None:
+        """End it."""
+        self.process.terminate()
+        self.end()
         self.process.kill()
         self.process.wait()
         os.close(self.master)
@@ -249,7 +255,7 @@ def test_w_on_mbot_says_which_keys_drive_and_after_two_lessons_only_what_w_does(
     run.wait_for(lambda line: line.startswith('driving') and '9 stops' not in line)
 
 
-def test_both_leave_the_pages_address_in_sight_of_24_lines_whatever_is_asked(
+def test_both_leave_the_pages_address_in_sight_of_24_lines_and_tab_goes_from_one_to_the_other(
     window: Callable[..., Window],
 ) -> None:
     run = window('both', '--viewer', 'web')
@@ -261,6 +267,11 @@ def test_both_leave_the_pages_address_in_sight_of_24_lines_whatever_is_asked(
         text = re.sub('\r[^\n]*\r', '\r', run.shown.replace('\r\n', '\n'))
         assert 'viewer: http://127.0.0.1:' in '\n'.join(text.split('\n')[-23:])
     assert 'Control mbot!' in run.shown
+    assert 'TAB goes to the next robot' in run.shown
+    run.type('i')
+    run.wait_for(lambda line: line.startswith('[mbot]') and 'driving' in line)
+    run.process.send_signal(signal.SIGINT)  # as Ctrl-C does
+    assert run.end() == 0
 
 
 # From here on without a terminal: the same keys in scripts and recordings.

@@ -59,20 +59,6 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says_and_ctrl_c_is_the_way_
     assert report['samples']['velocity'][-1][0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_tab_goes_from_robot_to_robot_and_the_status_line_says_to_which(
-    start: Callable[..., Any],
-) -> None:
-    session = start(robot='both')
-    session.wait_for('TAB goes to the next robot')
-    session.wait_for('[go2]')
-    session.type('\t')
-    session.wait_for('[mbot]')
-    session.type('i')
-    session.wait_for('driving')
-    session.type('\x03')
-    assert session.end() == 0
-
-
 @pytest.mark.parametrize(
     ('number', 'status'),
     [(signal.SIGINT, 0), (signal.SIGTERM, 128 + 15), (signal.SIGHUP, 128 + 1)],
