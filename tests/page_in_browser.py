@@ -5,6 +5,7 @@ import base64
 from collections.abc import Iterator
 import contextlib
 import io
+from pathlib import Path
 import shutil
 import time
 from typing import Any
@@ -106,17 +107,24 @@ def screenshot(browser: Any) -> np.ndarray:
     return np.asarray(Image.open(png).convert('RGB')).astype(int)
 
 
-def open_page(browser: Any, url: str) -> None:
-    """Open a page, wait until it shows a panel, and give it the keys."""
+def open_page(browser: Any, url: str) -> list[dict[str, Any]]:
+    """Open a page, wait until it shows a panel, and give it the keys; return its console."""
     browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': COUNT})
     browser.get(url)
-    deadline, said = time.monotonic() + PATIENCE, ''
-    while 'First remote draw frame applied' not in said:
+    deadline, said = time.monotonic() + PATIENCE, list[dict[str, Any]]()
+    while not any('First remote draw frame applied' in entry['message'] for entry in said):
         assert time.monotonic() < deadline, 'the page shows no panel'
         time.sleep(0.3)
-        said += ''.join(entry['message'] for entry in browser.get_log('browser'))
+        said += browser.get_log('browser')
     canvas = browser.find_element(By.TAG_NAME, 'canvas')
     ActionChains(browser).move_to_element(canvas).click().perform()
+    return said
+
+
+def errors_in(console: list[dict[str, Any]]) -> list[str]:
+    """Return what a page's console says that is an error; it may miss its icon."""
+    errors = [entry['message'] for entry in console if entry['level'] == 'SEVERE']
+    return [error for error in errors if 'favicon' not in error]
 
 
 def rate_of(browser: Any) -> float:
@@ -146,3 +154,17 @@ def judged_while_alive(browser: Any) -> Iterator[None]:
         if gap >= LOSS:
             pytest.skip(f'Chromium drew nothing for {gap:.1f} s: the page was lost, as it should')
         raise
+
+
+def presses(path: Path) -> list[str]:
+    """Return the keys that a run has saved, without HELD and RELEASE."""
+    keys = [line.split(maxsplit=1)[1] for line in path.read_text().splitlines()]
+    return [key for key in keys if '+' not in key]
+
+
+def wait_for_key(path: Path, key: str, times: int = 1, since: int = 0) -> None:
+    """Wait until a run has saved a key, after so many others: a slow page tells of it late."""
+    deadline = time.monotonic() + PATIENCE
+    while presses(path)[since:].count(key) < times:
+        assert time.monotonic() < deadline, f'{key} did not come: {presses(path)}'
+        time.sleep(0.05)

@@ -192,7 +192,7 @@ def browser() -> Iterator[Any]:
     from page_in_browser import chromium
 
     try:
-        driver = chromium(560, 430)
+        driver = chromium(420, 320)
     except LookupError as error:
         pytest.skip(str(error))
     yield driver

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page in a real browser: the Go2 is seen with its meshes, stands up, and walks."""
+"""The page in a real browser: the Go2 is seen with its meshes, stands up, walks, and is driven."""
 
 from collections.abc import Callable, Iterator
 import json
@@ -13,6 +13,18 @@ import pytest
 import rclpy
 from std_msgs.msg import String
 from terminals import PATIENCE
+
+selenium = pytest.importorskip('selenium', reason='selenium is not installed')
+from page_in_browser import (  # noqa: E402
+    errors_in,
+    judged_while_alive,
+    open_page,
+    presses,
+    set_page_size,
+    skip_unless_alive,
+    wait_for_key,
+)
+from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 
 pytestmark = pytest.mark.slow
 
@@ -75,15 +87,41 @@ def press(environment: dict[str, str]) -> Iterator[Callable[[str], None]]:
     context.try_shutdown()
 
 
-def test_the_go2_is_seen_standing_up_and_walking(
+def tap(browser: Any, key: str) -> None:
+    """Press a key of the browser for 0.15 s."""
+    ActionChains(browser).key_down(key).pause(0.15).key_up(key).perform()
+
+
+def see_four_taps_be_four_steps_and_end_with_the_browser(browser: Any, saved: Path) -> None:
+    set_page_size(browser, 320, 200)  # a small picture is drawn often
+    skip_unless_alive(browser)
+    before = len(presses(saved))
+    with judged_while_alive(browser):
+        for key in '24':
+            tap(browser, key)
+            wait_for_key(saved, key, since=before)
+            time.sleep(0.5)
+        for _ in range(4):
+            tap(browser, 'w')
+            time.sleep(0.3)
+        wait_for_key(saved, 'w', times=4, since=before)
+        time.sleep(1.0)
+        # Each is a step of the stick: test_page_is_lost.py looks at what they command.
+        assert presses(saved)[before:] == ['2', '4', 'w', 'w', 'w', 'w']
+    browser.quit()
+    time.sleep(1.0)
+    assert presses(saved)[-1] == 'SPACE'
+
+
+def test_the_go2_is_seen_standing_up_and_walking_and_a_tap_is_a_step(
     run_with_page: Callable[..., Any],
     browser: Any,
     picture: Picture,
     press: Callable[[str], None],
     tmp_path: Path,
 ) -> None:
-    run = run_with_page('go2', '--duration', '300', '--report', 'report.json')
-    browser.get(run.url)
+    run = run_with_page('go2', '--report', 'report.json', '--save-keys', 'keys.txt')
+    console = open_page(browser, run.url)
     lying = wait_for(picture, lambda image: is_dog(image).mean() > 0.005, 'the dog')
     press('2')
     wait_for(picture, lambda image: height_of_dog(image) > 1.25 * height_of_dog(lying), 'a stand')
@@ -94,14 +132,17 @@ def test_the_go2_is_seen_standing_up_and_walking(
     press(8 * 'w')
     walking = wait_for(picture, lambda image: changed(standing, image) > 0.15, 'a walk')
     assert is_dog(walking).mean() > 0.5 * is_dog(standing).mean()
-    log = browser.get_log('browser')
-    (size,) = (int(n) for e in log for n in re.findall(r'Model bundle: (\d+) byte', e['message']))
+    console += browser.get_log('browser')
+    said = ' '.join(entry['message'] for entry in console)
+    (size,) = map(int, re.findall(r'Model bundle: (\d+) byte', said))
     assert size > LEAST_MODEL
-    errors = [entry['message'] for entry in log if entry['level'] == 'SEVERE']
-    assert [error for error in errors if 'favicon' not in error] == []
+    assert errors_in(console) == []
     time.sleep(1.5)
-    run.end()
-    report = json.loads((tmp_path / 'report.json').read_text())
-    assert report['falls'] == 0
-    assert report['samples']['state'][-1] == 'trotting'
-    assert report['samples']['position'][-1][0] > 0.3
+    try:
+        see_four_taps_be_four_steps_and_end_with_the_browser(browser, tmp_path / 'keys.txt')
+    finally:  # where the browser is too slow for taps, too
+        run.end()
+        report = json.loads((tmp_path / 'report.json').read_text())
+        assert report['falls'] == 0
+        assert report['samples']['state'][-1] == 'trotting'
+        assert report['samples']['position'][-1][0] > 0.3
