@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = Path(__file__).with_name('quick_colcon.py')
-SOURCED = '. "$1/setup.bash" && shift && exec "$@"'
+SOURCED = '. "$1/setup.bash" && exec env -0'
 
 
 class Program:
@@ -72,22 +72,29 @@ class Workspace:
             command, cwd=folder, env=self._environment, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stdout + done.stderr
+        # Once: bash takes longer than many a command that is run.
+        done = subprocess.run(
+            ['bash', '-c', SOURCED, 'bash', str(self.install)],
+            env=self._environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        self._environment = dict(line.split('=', 1) for line in done.stdout.split('\0') if line)
 
     def run(self, *command: str) -> 'subprocess.CompletedProcess[str]':
         """Run a command to its end."""
-        words = ['bash', '-c', SOURCED, 'bash', str(self.install), *command]
         return subprocess.run(
-            words, cwd=self._folder, env=self._environment, capture_output=True, text=True
+            command, cwd=self._folder, env=self._environment, capture_output=True, text=True
         )
 
     def start(self, *command: str, **extra: str) -> Program:
         """Start a command."""
-        words = ['bash', '-c', SOURCED, 'bash', str(self.install), *command]
         ours, theirs = pty.openpty()
         said = self._folder / f'said_by_{Path(command[0]).name}'
         with said.open('wb') as output:
             process = subprocess.Popen(
-                words,
+                command,
                 cwd=self._folder,
                 env={**self._environment, **extra},
                 stdin=theirs,
