@@ -186,8 +186,8 @@ class LoopbackSubscription(Generic[Message]):
     Echo and message are matched by their bytes, which are equal also where NaN is in them. An
     equal message from outside that overtakes an echo is dropped in its place, and the echo
     delivered: the receiver sees the same. An echo that gets lost is waited for up to
-    ECHO_LIFETIME; so long, one equal message from outside may be taken for it. While nobody spins
-    the node that time stands still: echoes are waiting, too.
+    ECHO_LIFETIME; so long, one equal message from outside may be taken for it. What has come, and
+    waits for a process that is late, is looked at before anything is given up.
 
     `is_stale` is asked about each message from another process, with the system time [ns] at
     which it was sent; what it calls stale is dropped, and so is what `admit` refuses. `hear`
@@ -206,6 +206,7 @@ class LoopbackSubscription(Generic[Message]):
         qos: QoSProfile = RELIABLE,
         is_stale: Callable[[int], bool] = lambda sent: False,
     ) -> None:
+        self._type = message_type
         self._callback = callback
         self._is_stale = is_stale
         self.admit: Callable[[Message], bool] = lambda message: True
@@ -260,14 +261,28 @@ class LoopbackSubscription(Generic[Message]):
 
     def _forget(self) -> None:
         """Give up echoes that were overdue at the last look already, and have not come since."""
-        # Timers come before messages: an echo that is overdue now may be the next to be handled.
-        oldest = self._looked_at - 0.5 * ECHO_LIFETIME
+        # A late timer looks again soon after.
+        oldest = min(
+            self._looked_at - 0.5 * ECHO_LIFETIME, time.monotonic() - 0.75 * ECHO_LIFETIME
+        )
+        if any(times[0] < oldest for times in self._pending.values()):
+            # Timers come before messages, and a busy process may handle one between two looks.
+            for message, info in take_all(self._subscription, self._type):
+                self._on_message(message, info)
         for sent, times in list(self._pending.items()):
             while times and times[0] < oldest:
                 times.popleft()
             if not times:
                 del self._pending[sent]
         self._looked_at = time.monotonic()
+
+
+def take_all(subscription: Any, message_type: type[Message]) -> list[tuple[Message, Any]]:
+    """Return the messages that have arrived, and of each when it was sent and so on."""
+    found = []
+    while (taken := subscription.handle.take_message(message_type, False)) is not None:
+        found.append(taken)
+    return found
 
 
 VELOCITY_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
@@ -296,8 +311,9 @@ class VelocitySubscription(LoopbackSubscription[Any]):
         age_of: Callable[[Time], float | None] = lambda stamp: 0.0,
     ) -> None:
         self.on_velocity, self._age_of = on_velocity, age_of
-        self._node, self._type = node, TwistStamped if stamped == 'true' else Twist
-        super().__init__(node, self._type, 'cmd_vel', lambda message: None, RELIABLE, is_stale)
+        self._node = node
+        own = TwistStamped if stamped == 'true' else Twist
+        super().__init__(node, own, 'cmd_vel', lambda message: None, RELIABLE, is_stale)
         self.admit = self._deliver  # who admits a velocity takes it
         self._other: _OtherParticipant | None = None
         if stamped == 'auto':
@@ -357,10 +373,9 @@ class _OtherParticipant:
 
     def take(self) -> list[tuple[Any, int]]:
         """Return the messages that have arrived, and when they were sent [ns of system time]."""
-        found = []
-        while (taken := self._subscription.handle.take_message(self._type, False)) is not None:
-            found.append((taken[0], taken[1]['source_timestamp']))
-        return found
+        kind: type[Any] = self._type
+        taken = take_all(self._subscription, kind)
+        return [(message, info['source_timestamp']) for message, info in taken]
 
     def close(self) -> None:
         self._node.destroy_node()
