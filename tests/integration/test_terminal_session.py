@@ -2,6 +2,7 @@
 """`wasd mbot` on a real pseudo-terminal: keys in, motion out, the terminal given back."""
 
 from collections.abc import Callable
+import itertools
 import json
 import os
 from pathlib import Path
@@ -45,13 +46,12 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says_and_ctrl_c_is_the_way_
     assert 'report in report.json' in session.shown
     report = json.loads((tmp_path / 'report.json').read_text())
     x, y, _ = report['samples']['position'][-1]
-    # Equal ramps: speed x (hold + release delay), the delay being 0.12 s after the last press.
-    # On a host that cannot keep pace less time is simulated than the key was held.
+    # Ramps of 0.6 m/s^2 to 0.2 m/s and back, also where a busy host repeats the key too late.
     speeds = [command[0] for command in report['samples']['command']]
-    times = dict(zip(report['samples']['t'], speeds, strict=True))
-    begin = min(time for time, speed in times.items() if speed > 0.0)
-    end = max(time for time, speed in times.items() if speed >= 0.2 - 1e-9)
-    assert x == pytest.approx(0.2 * (end - begin + 0.02), rel=0.03)
+    assert max(speeds) == pytest.approx(0.2)
+    assert max(abs(b - a) for a, b in itertools.pairwise(speeds)) <= 0.6 * 0.02 + 1e-9
+    # Equal ramps: speed x (hold + release delay), the delay being 0.12 s after the last press. On
+    # a host that cannot keep pace less time is simulated than the key was held.
     assert x <= 1.03 * 0.2 * (held + 0.12)
     assert abs(y) < 0.001
     commanded = 0.02 * sum(speeds)
