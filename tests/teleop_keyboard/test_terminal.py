@@ -22,9 +22,10 @@ HOLDER = """
 import os, sys, time
 from teleop_keyboard.terminal import Terminal
 with Terminal(0) as terminal:
-    terminal.before_suspend.append(lambda: print('suspended', flush=True))
-    terminal.after_resume.append(lambda: print('resumed', flush=True))
-    print('ready', flush=True)
+    # A signal may come while the word before is still being written: `print` is not reentrant.
+    terminal.before_suspend.append(lambda: os.write(1, b'suspended\\n'))
+    terminal.after_resume.append(lambda: os.write(1, b'resumed\\n'))
+    os.write(1, b'ready\\n')
     while True:
         time.sleep(0.01)
         data = terminal.read()
