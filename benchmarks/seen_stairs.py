@@ -76,18 +76,14 @@ class Watcher:
             self.mapper.take_pose(self.robot.world.time, odometry.position, odometry.orientation)
 
 
-def look_at_stairs(rise: float, seed: int, end: float, *, back: float = SPEED) -> Seen:
-    """
-    Walk WALK [m] to where the base's x is `end` [m], of stairs of a rise [m], and compare.
-
-    Before that it walks back at a speed [m/s].
-    """
+def look_at_stairs(rise: float, seed: int, end: float) -> Seen:
+    """Walk WALK [m] to where the base's x is `end` [m], of stairs of a rise [m], and compare."""
     watcher = Watcher(f'stairs:{rise:g}', seed)
     dog = watcher.dog
     dog.press('2')
     dog.run(2.5)
     dog.press('5')
-    watcher.walk(-back, end - WALK)
+    watcher.walk(-SPEED, end - WALK)
     dog.drive(0.0)
     dog.run(1.0)
     watcher.maps = True

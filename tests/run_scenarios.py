@@ -114,7 +114,7 @@ class Page:
 
 
 def paused(scenario: Callable[[Page], None]) -> Callable[[Page], None]:
-    """Have no time pass in a scenario: a look at the panels needs no robots that move."""
+    """Stop time during a scenario that only looks at panels."""
 
     @functools.wraps(scenario)
     def play(page: Page) -> None:

@@ -3,19 +3,20 @@
 
 from collections.abc import Callable, Iterator
 import functools
-import importlib.util
 import os
 from pathlib import Path
 import pty
+import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
 from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-QUICK = Path(__file__).with_name('quick_colcon.py')
+COLCON = shutil.which('colcon') or shutil.which('colcon', path=sysconfig.get_path('scripts'))
 SOURCED = '. "$1/setup.bash" && exec env -0'
 
 
@@ -59,7 +60,7 @@ class Workspace:
             'PYTHONNOUSERSITE': '1',
             'ROS_LOG_DIR': str(folder / 'ros_log'),
         }
-        command = [sys.executable, str(QUICK), '--log-base', 'log', 'build', *options]
+        command = [str(COLCON), '--log-base', 'log', 'build', *options]
         command += [
             '--base-paths',
             str(ROOT),
@@ -112,7 +113,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Workspace]:
 
     @functools.cache
     def build_workspace(*options: str) -> Workspace:
-        if importlib.util.find_spec('colcon_core') is None:
+        if COLCON is None:
             pytest.skip("no colcon: pip install -e '.[colcon]'")
         return Workspace(tmp_path_factory.mktemp('workspace'), *options)
 

@@ -21,7 +21,7 @@ def look_at_stairs():
 
 @pytest.mark.parametrize(('rise', 'end'), [(0.16, 0.35), (0.10, 1.4)])
 def test_after_3_m_edges_are_within_4_cm_and_heights_within_15_mm(look_at_stairs, rise, end):
-    seen = look_at_stairs(rise, 120, end, back=1.0)
+    seen = look_at_stairs(rise, 120, end)
     assert seen.state == 'move base'
     assert seen.edges
     for errors in seen.edges.values():

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Nodes that are started one by one, as docs/graph.md says, in any order: the robot is driven.
+Nodes that are started one by one, as docs/graph.md says, in its order and backward.
 
-Each kind of node is started before what it needs and after it: in the page's order here or by the
-tests of launch files and of two processes, whose nodes are the same.
+Backward no node finds what it needs; the robot is driven all the same.
 """
 
 from collections.abc import Iterator
@@ -164,9 +163,17 @@ def assert_all_is_well(bench):
     assert 'Traceback' not in bench.said()
 
 
-def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench):
-    """Backward, so that nobody finds what it needs; test_two_processes.py starts in order."""
-    for line in reversed(GO2_KEYS):
+in_both_orders = pytest.mark.parametrize(
+    'is_backward', [False, True], ids=['in_order', 'backward']
+)
+
+
+@in_both_orders
+def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench, is_backward):
+    # The nodes of one block are those of the other, and one more; whose clock it is plays no part.
+    clock = ' --ros-args -p use_sim_time:=true'
+    assert GO2_TWIST[:-1] == tuple(line.removesuffix(clock) for line in GO2_KEYS)
+    for line in reversed(GO2_TWIST) if is_backward else GO2_TWIST:
         bench.start(line)
     watcher = bench.watcher
     bench.until(lambda: watcher.place is not None)
@@ -182,12 +189,7 @@ def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench):
             bench.type('key_publisher', 'w')
 
     bench.until(lambda: watcher.place.x > 0.2, push)
-    # The nodes of the next block are these, and one more; whose clock it is plays no part.
-    clock = ' --ros-args -p use_sim_time:=true'
-    *same, keys_to_twist = GO2_TWIST
-    assert same == [line.removesuffix(clock) for line in GO2_KEYS]
     bench.press('2', 'fixed stand')
-    bench.start(keys_to_twist)
     bench.press('5', 'move base')
     start = watcher.place.x
     bench.until(lambda: watcher.place.x > start + 0.2, lambda: bench.type('key_publisher', 'i'))
@@ -195,10 +197,10 @@ def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench):
     assert_all_is_well(bench)
 
 
-# What has its other order in another block, or in a launch file, starts in one.
+@in_both_orders
 @pytest.mark.parametrize(
-    ('block', 'is_backward'),
-    [(MBOT, True), (MBOT_MUX, True), (MBOT_GOAL, True), (MBOT_FAKE, False)],
+    'block',
+    [MBOT, MBOT_MUX, MBOT_GOAL, MBOT_FAKE],
     ids=['mbot', 'mbot_mux', 'mbot_goal', 'mbot_fake'],
 )
 def test_the_mbot_of_a_block_is_driven_as_the_page_says(bench, spawn, block, is_backward):

@@ -14,7 +14,6 @@ import time
 import tty
 
 import numba
-from numba_forks import run_forked
 import pytest
 from quadruped_sim.compilation import compile_once, NOTICE
 from terminals import PATIENCE
@@ -28,6 +27,8 @@ from quadruped_sim import compilation, legs
 SOON = 5.0
 
 USE = """
+import sys
+sys.path.insert(0, sys.argv[1])
 import numpy as np
 from quadruped_sim import algebra
 print(algebra.__file__)
@@ -166,7 +167,12 @@ def test_an_installation_that_cannot_be_written_keeps_it_in_the_home_if_there_is
     (package / '__pycache__').touch()  # no folder can be made here, not even by root
     (tmp_path / 'none').touch()
     environment = {name: value for name, value in os.environ.items() if name[:4] != 'XDG_'}
-    done = run_forked(USE, package.parent, {**environment, 'HOME': str(tmp_path / home)})
+    done = subprocess.run(
+        [sys.executable, '-P', '-c', USE, str(package.parent)],
+        env={**environment, 'HOME': str(tmp_path / home)},
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [str(package / 'algebra.py'), '1.0']
     kept = list((tmp_path / home).rglob('*.nbi'))

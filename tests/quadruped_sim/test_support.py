@@ -20,9 +20,9 @@ from wasd import Go2
 # Legs of 3, 4 and 5: the incircle has radius 1 and its centre 1 from both short sides.
 RIGHT_ANGLED = np.array(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)))
 FEET = np.array(((0.2, 0.1, 0.0), (0.2, -0.1, 0.0), (-0.2, 0.1, 0.0), (-0.2, -0.1, 0.0)))
-# The third and fourth fold the leg under the belly.
-# A robot that is told to stand does so after a second.
+# A robot that is told to stand does so after a second [s].
 UP = 1.3
+# The third and fourth fold the leg under the belly.
 ENDS = ('w*20 d*20', 'a*40', 's*40 i*20', 'd*40 k*40', 'w*40')
 
 
@@ -117,11 +117,11 @@ def steepest(dog: Go2, seconds: float) -> float:
 
 @pytest.mark.slow
 def test_after_a_walk_it_stays_level_with_the_sticks_at_their_ends():
-    """A small sample of `swing` in benchmarks/legs_states.py; the balance test moves no foot."""
+    """A small sample of `swing` in benchmarks/legs_states.py."""
     dog = walked(2000, 'w*8 l*5')
-    for test, state in (('0', 'balance test'), ('2', 'fixed stand'), ('9', 'swing test')):
+    for test, state in (('9', 'swing test'), ('2', 'fixed stand'), ('0', 'balance test')):
         dog.press(test)
-        dog.run(0.5 if test == '2' else 0.0)
+        dog.run(2.0 if test == '2' else 0.0)
         for ends in ENDS if test != '2' else ():
             press(dog, ends)
             assert steepest(dog, 1.2) < 10.0
@@ -139,7 +139,7 @@ def test_pushes_of_15_newton_seconds_make_it_step_and_go_on(test):
     state = dog.state
     for force in ((150.0, 0.0, 0.0), (0.0, 150.0, 0.0)):
         dog.push(force, 0.1)
-        assert steepest(dog, 2.0) < 45.0
+        assert steepest(dog, 3.0) < 45.0
         assert dog.state == state
         assert steepest(dog, 0.5) < 5.0
 
@@ -185,7 +185,7 @@ def test_key_1_after_a_push_lowers_the_robot_and_does_not_tip_it(state, side):
     dog.push((0.0, side * 150.0, 0.0), 0.1)
     dog.run(0.18)
     dog.press('1')
-    assert steepest(dog, 2.0) < 30.0
+    assert steepest(dog, 2.5) < 30.0
     assert dog.state == 'passive'
     assert dog.truth.position[2] < 0.15
 
@@ -197,7 +197,7 @@ def test_key_1_at_speed_lowers_the_robot_and_does_not_tip_it(keys):
     for words, seconds in (('2', UP), ('4', 0.2), (keys, 2.0), ('1', 0.0)):
         press(dog, words)
         dog.run(seconds)
-    assert steepest(dog, 2.0) < 30.0
+    assert steepest(dog, 2.5) < 30.0
     assert dog.state == 'passive'
 
 
@@ -215,7 +215,7 @@ def with_a_foot_in_the_air() -> Go2:
 def test_key_1_lowers_one_that_stands_on_three_feet_level():
     dog = with_a_foot_in_the_air()
     dog.press('1')
-    assert steepest(dog, 2.0) < 15.0
+    assert steepest(dog, 3.0) < 15.0
     assert dog.state == 'passive'
 
 

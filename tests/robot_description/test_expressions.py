@@ -200,7 +200,7 @@ def test_a_fork_among_threads_that_hold_locks_goes_through(tmp_path):
     for thread in threads:
         thread.start()
     try:
-        assert all('name="2"' in expand(path) for _ in range(12))
+        assert all('name="2"' in expand(path) for _ in range(30))
     finally:
         is_over.set()
         for thread in threads:

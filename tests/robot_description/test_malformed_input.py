@@ -51,9 +51,12 @@ NO_WAY = 'cannot be used in an expression'
 # Expressions, and what is said of them.
 EXPRESSIONS = {
     '9**9**9': f"{TOO_LONG}, at '${{9**9**9}}'",
+    'math.factorial(10**7)': TOO_LONG,
+    'max(range(10**10))': TOO_LONG,
     'sum(i for i in range(10**10))': "name 'sum' is not defined",
     'python.sum(i for i in range(10**10))': TOO_LONG,
     '[0 for a in range(99999) for b in range(99999) if 0]': TOO_LONG,
+    'math.comb(10**7, 10**6)': TOO_LONG,
     '(lambda f: f(f))(lambda f: f(f))': TOO_DEEP,
     '(' * 5000 + ')' * 5000: '',
     '-' * 50000 + '1': '',

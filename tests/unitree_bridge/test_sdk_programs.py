@@ -251,7 +251,7 @@ def test_another_network_than_the_loopback_is_refused(capsys):
 
 @pytest.fixture(scope='module')
 def running(ros_domains):
-    """Return domain and process of a run that the tests from here on have programs for."""
+    """Yield domain and process of the run that programs of the tests below command."""
     domain = str(next(ros_domains))
     robots = Simulated(domain)
     yield domain, robots.start(*RUN, module='wasd_bringup.cli')

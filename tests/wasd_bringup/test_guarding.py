@@ -95,7 +95,7 @@ WAYS = {'keys': by_keys, 'page': by_velocity('page'), 'script': by_velocity('scr
 @pytest.mark.parametrize(
     ('robot', 'ways'), [*(('mbot', [way]) for way in WAYS), ('go2', ['keys', 'page'])]
 )
-def test_whoever_drives_it_stops_before_the_wall(begin, robot, ways):
+def test_any_source_that_drives_it_stops_before_the_wall(begin, robot, ways):
     guarded = begin(robot)
     for way in ways:
         # Keys of mbot drive it slowly.
@@ -111,8 +111,9 @@ def test_whoever_drives_it_stops_before_the_wall(begin, robot, ways):
             assert guarded.robot.drivers.state.guard == ''
 
 
-def test_without_a_guard_it_drives_into_it(begin):
-    guarded = begin('mbot', guard=False)
+@pytest.mark.parametrize('robot', ['mbot', 'go2'])
+def test_without_a_guard_it_drives_into_it(begin, robot):
+    guarded = begin(robot, guard=False)
     guarded.repeat(by_velocity('page')(guarded), 4.0)
     assert guarded.room < KEPT
 

@@ -249,7 +249,7 @@ def scenario_a_click_in_the_scene_is_a_goal_of_the_robot_in_turn(page: Page) -> 
     assert np.abs(wanted - goal(page)[:2]).max() < 0.05
     assert page.session.navigations[0].navigator.goal is None
     before = mbot.world.base().position
-    page.wait_until(lambda: math.dist(mbot.world.base().position, before) > 0.05, 'stands')
+    page.wait_until(lambda: math.dist(mbot.world.base().position, before) > 0.1, 'stands')
     page.click('cancel goal')
     page.click('goal')
     page.wait_until(lambda: goal(page) is None, 'the goal stays')

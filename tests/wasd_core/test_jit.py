@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 
-from numba_forks import run_forked
 import programs
 import pytest
 from terminals import PATIENCE
@@ -25,13 +24,16 @@ from kernels.numbers import SIZE
 def size():
     return SIZE
 """
-CALL = 'print(size(), *size.stats.cache_hits.values())'
-USE = f'from kernels.size import size; {CALL}'
-USE_LATER = f"from kernels.size import size; print('ready', flush=True); input(); {CALL}"
+USE = """
+from kernels.size import size
+print('ready', flush=True)
+input()
+print(size(), *size.stats.cache_hits.values())
+"""
 
 
 class Kernels:
-    """A package with one kernel, which a process of its own calls: a fork that has numba."""
+    """A package with one kernel, which a process of its own calls."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.package = folder, folder / 'kernels'
@@ -39,6 +41,7 @@ class Kernels:
         self.package.joinpath('__init__.py').touch()
         self.set_size(1)
         self.package.joinpath('size.py').write_text(KERNELS)
+        folder.joinpath('use.py').write_text(USE)
         self.environment = {**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache')}
         self.environment.pop('NUMBA_CACHE_DIR', None)
 
@@ -46,11 +49,11 @@ class Kernels:
         """Change a file that the kernel is compiled of, beside its own."""
         self.package.joinpath('numbers.py').write_text(f'SIZE = {size}')
 
-    def start(self) -> 'subprocess.Popen[str]':
-        """Start a new Python that has loaded the kernel, and waits."""
+    def start(self, place: str = '.') -> 'subprocess.Popen[str]':
+        """Start a process that has loaded the kernel, from a folder, and waits."""
         process = programs.start(
-            [sys.executable, '-c', USE_LATER],
-            cwd=self.folder,
+            [sys.executable, '-m', 'use'],
+            cwd=self.folder / place,
             env=self.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -61,10 +64,8 @@ class Kernels:
         return process
 
     def use(self, place: str = '.') -> str:
-        """Return the kernel's value, and 1 if it was not compiled, from a folder."""
-        done = run_forked(USE, self.folder / place, self.environment)
-        assert done.returncode == 0, done.stderr
-        return done.stdout.strip()
+        """Return the kernel's value, and 1 if it was not compiled."""
+        return call(self.start(place))
 
     def kept(self) -> list[str]:
         """Return what is kept for the kernel, in any folder."""
@@ -88,6 +89,7 @@ def test_a_kernel_knows_the_other_files_of_its_package_under_any_name_of_it(kern
     """As it is in a colcon workspace of links."""
     (kernels.folder / 'install').mkdir()
     (kernels.folder / 'install/kernels').symlink_to(kernels.package)
+    (kernels.folder / 'install/use.py').symlink_to(kernels.folder / 'use.py')
     assert kernels.use() == '1'
     assert kernels.use('install') == '1 1'
     # An editor's lock is no module, and goes nowhere.
@@ -120,7 +122,8 @@ def test_an_installation_elsewhere_of_the_same_files_compiles_nothing(kernels):
     assert kernels.use() == '1'
     other = kernels.folder / 'another environment'
     other.mkdir()
-    kernels.package.rename(other / 'kernels')
+    for name in ('kernels', 'use.py'):
+        kernels.folder.joinpath(name).rename(other / name)
     for path in other.rglob('*.py'):
         os.utime(path, (0.0, 0.0))  # as each installation writes them at its own time
     assert kernels.use('another environment') == '1 1'
@@ -150,6 +153,7 @@ def test_a_kernel_knows_the_files_of_wasd_core(kernels):
     ignored = shutil.ignore_patterns('__pycache__')
     shutil.copytree(Path(wasd_core.__file__).parent, ours, ignore=ignored)
     (ours / 'weight.py').write_text('GRAVITY = 9.81')
+    kernels.environment['PYTHONPATH'] = str(kernels.folder)  # started from the beginning
     (kernels.package / 'numbers.py').write_text('from wasd_core.weight import GRAVITY as SIZE')
     assert kernels.use() == '9.81'
     (ours / 'weight.py').write_text('GRAVITY = 3.7')
@@ -172,9 +176,16 @@ def refused(kernels, tmp_path):
 
     def use(place: Path) -> tuple[str, str]:
         kernels.environment['NUMBA_CACHE_DIR'] = str(place)
-        done = run_forked(USE, kernels.folder, kernels.environment)
+        done = subprocess.run(
+            [sys.executable, '-m', 'use'],
+            cwd=kernels.folder,
+            env=kernels.environment,
+            input='\n',
+            capture_output=True,
+            text=True,
+        )
         assert done.returncode == 0, done.stderr
-        return done.stdout.strip(), done.stderr
+        return done.stdout.split('\n', 1)[1].strip(), done.stderr
 
     return use
 
@@ -236,25 +247,21 @@ LOADED = """
 import sys
 from kernels.size import size
 size()
-def loaded():
-    return [name for name in ('numba.np.arraymath', 'scipy.linalg') if name in sys.modules]
-print(loaded())
+print([name for name in ('numba.np.arraymath', 'scipy.linalg') if name in sys.modules])
 import numba, numpy
 print(numba.njit(lambda half: half @ half)(numpy.full((2, 2), 0.5))[0, 0])
-print(loaded())
 """
 
 
 @pytest.mark.skipif(importlib.util.find_spec('scipy') is None, reason='needs SciPy')
 def test_what_is_compiled_loads_nothing_to_compile_with(kernels):
     """That comes with the first function that is not compiled yet."""
-    assert kernels.use() == '1'
     words = [sys.executable, '-c', LOADED]
-    done = subprocess.run(
-        words, cwd=kernels.folder, env=kernels.environment, capture_output=True, text=True
-    )
-    loaded = ['numba.np.arraymath', 'scipy.linalg']
-    assert done.stdout.splitlines() == ['[]', '0.5', str(loaded)], done.stderr
+    for loaded in (['numba.np.arraymath', 'scipy.linalg'], []):  # compiled, and from the cache
+        done = subprocess.run(
+            words, cwd=kernels.folder, env=kernels.environment, capture_output=True, text=True
+        )
+        assert done.stdout.splitlines() == [str(loaded), '0.5'], done.stderr
 
 
 NAMES = """
