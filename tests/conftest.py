@@ -14,7 +14,6 @@ import time
 from typing import Any
 
 import expansions
-from long_files import place_in_line
 import pytest
 from terminals import PATIENCE
 
@@ -62,8 +61,8 @@ def pytest_collection() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest: none is left to one worker at the end."""
-    items.sort(key=lambda item: place_in_line(item.path))
+    """Begin with the files that take long: none is left to one worker at the end."""
+    items.sort(key=lambda item: item.get_closest_marker('long') is None)
 
 
 def pytest_collection_finish() -> None:

@@ -85,7 +85,7 @@ def rows() -> list[Row]:
 ROWS = rows()
 
 # Each loads a robot: with those of robot_description/ they are no quick tests.
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 
 def by_itself(*chosen: Row) -> Any:

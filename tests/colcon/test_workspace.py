@@ -23,7 +23,7 @@ COMMANDS = {'describe': ('info', 'mbot'), 'unitree_bridge': ('--help',)}
 # Where the checkout has not compiled it, the leg controller takes a minute of a core.
 PATIENCE = 180.0
 
-pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(4.0 * PATIENCE)]
+pytestmark = [pytest.mark.long, pytest.mark.slow, pytest.mark.takes_up_to(4.0 * PATIENCE)]
 
 WHERE = """
 import importlib, json, sys

@@ -8,7 +8,6 @@ from pathlib import Path
 import re
 
 from cases import for_all
-import long_files
 import pytest
 from source_trees import imports, modules, nodes, PACKAGES, ROOT
 
@@ -117,8 +116,3 @@ def test_the_benchmark_needs_nothing_that_only_tests_install():
     assert {'scribbling', 'page_puppet'} <= seen
     users = {name for name in seen for found in imports(own[name]) if found.startswith('pytest')}
     assert users == {'page_in_browser'}
-
-
-def test_the_files_that_begin_first_are_there():
-    assert [str(path) for path in long_files.PLACES if not path.is_file()] == []
-    assert long_files.place_in_line(Path(__file__)) == len(long_files.LONGEST)

@@ -12,6 +12,8 @@ from quadruped_sim.elevation import Elevation
 import wasd
 from wasd_core.errors import UserError
 
+pytestmark = pytest.mark.long
+
 
 def stand_up(dog):
     """Stand, ready to drive: that takes a second."""

@@ -24,7 +24,7 @@ from terminals import PATIENCE, Stopwatch, wait_until
 from wasd_bringup.cli.run_command import show_page
 from wasd_core.timing import brief
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 CLOCK = re.compile(r'  \d+\.\d s (x\d+\.\d\d|paused)(  |$)')
 CURE = 'press 2 to stand, then 4 to trot'

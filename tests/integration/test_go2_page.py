@@ -26,7 +26,7 @@ from page_in_browser import (  # noqa: E402
 )
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 Picture = Callable[[], np.ndarray]
 

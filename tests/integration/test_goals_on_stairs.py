@@ -10,7 +10,7 @@ from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 from wasd_navigation.records import FREE, OCCUPIED
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 # Stairs of 15 cm begin at 0.8 m; their landing is from 2.3 to 5.9 m, 0.9 m high.
 WORLD, LANDING = 'stairs:0.15', 0.9

@@ -11,7 +11,7 @@ from cases import for_all
 import golden_runs
 import pytest
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 TESTS = Path(__file__).resolve().parents[1]
 WRITTEN = json.loads((TESTS / 'golden' / 'runs.json').read_text())

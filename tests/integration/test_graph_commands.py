@@ -18,7 +18,7 @@ from terminals import PATIENCE, wait_until
 from wasd_core.network import claim
 import yaml
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 Ask = Callable[..., 'subprocess.CompletedProcess[str]']

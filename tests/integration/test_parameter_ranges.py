@@ -21,6 +21,8 @@ from wasd_core.parameter_file import NodeKind, read_parameters
 from wasd_core.parameters import known_parameters, numeric_ends, Parameters
 import yaml
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).resolve().parents[2]
 HOMES = (
     *('diff_drive_sim', 'mujoco_sim', 'quadruped_sim'),

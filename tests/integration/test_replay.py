@@ -19,7 +19,7 @@ from wasd_bringup.tools.recording.reader import BagReader, describe_run, recorde
 from wasd_bringup.tools.recording.recorder import BagRecorder
 from wasd_bringup.tools.recording.replay import ReplayView
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 KEYS = '0.5 i*40\n2.5 j*30'
 PUSH = '1 20 5 0 0.3'

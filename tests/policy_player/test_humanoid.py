@@ -12,7 +12,7 @@ from wasd_bringup.run.run import Run
 from wasd_cockpit.link import Order
 from wasd_core.errors import UserError
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 pytest.importorskip('onnxruntime')
 STAND = g1_stand(G1_JOINTS)
 

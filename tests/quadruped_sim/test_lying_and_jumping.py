@@ -19,6 +19,8 @@ from robot_description.packages import share_directory
 from wasd_core.parameters import InvalidParameter, numeric_ends
 from wasd_core.rotations import rpy_matrix, to_quaternion, yaw_matrix
 
+pytestmark = pytest.mark.long
+
 DT = 0.002
 # How high the base of a Go2 is when its legs, as they extend, stop pushing [m].
 TAKE_OFF = EXTENDED + 0.022

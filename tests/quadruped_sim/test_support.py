@@ -17,6 +17,8 @@ from quadruped_sim.states.support import (
 )
 from wasd import Go2
 
+pytestmark = pytest.mark.long
+
 # Legs of 3, 4 and 5: the incircle has radius 1 and its centre 1 from both short sides.
 RIGHT_ANGLED = np.array(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)))
 FEET = np.array(((0.2, 0.1, 0.0), (0.2, -0.1, 0.0), (-0.2, 0.1, 0.0), (-0.2, -0.1, 0.0)))

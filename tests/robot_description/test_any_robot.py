@@ -18,6 +18,8 @@ from robot_description.robot import credible_inertias, impossible_inertias, poss
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 
+pytestmark = pytest.mark.long
+
 ROBOTS = share_directory('example-robot-data') / 'robots'
 # What cannot be loaded, and why.
 REFUSED = {

@@ -24,7 +24,7 @@ from terminals import PATIENCE
 
 from unitree_bridge import bridge_command
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 pytest.importorskip('cyclonedds', reason='needs the extra unitree')
 if importlib.util.find_spec('unitree_sdk2py') is None:
     pytest.skip("needs Unitree's SDK, unitree-sdk2py-dimos", allow_module_level=True)

@@ -24,6 +24,8 @@ from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 from unitree_bridge import topics
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'docs/unitree.md').read_text()
 SDK = json.loads((GOLDEN / 'ids.json').read_text())

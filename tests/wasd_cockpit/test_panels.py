@@ -12,7 +12,7 @@ from cases import for_all
 import programs
 import pytest
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 HERE = Path(__file__).parent
 # The page is the same without ROS, which costs a fifth of a run.
