@@ -2,8 +2,10 @@
 """A robot of a run with two driven wheels: keys and velocities in, wheel speeds out."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
+from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.drive import DiffDrive, DiffDriveController
 from diff_drive_sim.limits import Velocity as DriveVelocity
 from diff_drive_sim.odometry import DiffDriveGeometry
@@ -247,6 +249,18 @@ class Mbot(Robot):
         states = zip(*map(unit.flip, (unit.fake.angles, unit.fake.speeds)), strict=True)
         pose = PlanarPose(x, y, yaw, linear, lateral, angular)
         place_robot(self.world, pose, dict(zip(self._wheels, states, strict=True)))
+
+
+def with_drive_file(options: RunOptions) -> RunOptions:
+    """
+    Return options with what their controller file says of the drive; it is read once.
+
+    Raises:
+        InvalidParameter: what is wrong with the file, with its line.
+    """
+    if options.controller is None:
+        return options
+    return replace(options, drive_file=read_controller_file(str(options.controller)))
 
 
 def drive_settings(options: RunOptions, given: dict[str, Any]) -> DiffDriveParameters:

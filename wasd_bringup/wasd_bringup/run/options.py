@@ -3,7 +3,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-import functools
 import math
 import os
 from pathlib import Path
@@ -14,7 +13,7 @@ from teleop_keyboard.key_script import KeyPress
 from wasd_core.network import SAYS_WHO, set_range
 from wasd_core.output_file import OutputFile
 
-from wasd_bringup.robots import BOTH, ROBOTS, robots_of, WHEELED
+from wasd_bringup.robots import BOTH, robots_of
 from wasd_bringup.run.inputs import Command, Goal, ScriptedBox, ScriptedPush, ScriptedTwist
 
 if TYPE_CHECKING:
@@ -68,6 +67,7 @@ class RunOptions:
     gait: str | None = None
     mode: str | None = None
     controller: Path | None = None
+    drive_file: 'ControllerFile | None' = None  # what that says of wheels, once it is read
     policy: Any = None  # the file of a network that walks, or a `Walker`
     policy_config: str | None = None  # what says how it was trained
     height_scan: str = MAPPED_SCAN  # whose heights a network sees that was trained with them
@@ -120,21 +120,6 @@ class RunOptions:
         given = (self.gamepad, self.foxglove, self.interface)
         return any(each is not None for each in given)
 
-    @functools.cached_property
-    def drive_file(self) -> 'ControllerFile | None':
-        """
-        What the file of --controller says of wheels; it is read once.
-
-        Raises:
-            InvalidParameter: what is wrong with it.
-        """
-        if self.controller is None or ROBOTS[self.robot].kind is not WHEELED:
-            return None
-        # Here, because it loads YAML and numpy, which --help does without.
-        from diff_drive_sim.controller_file import read_controller_file
-
-        return read_controller_file(str(self.controller))
-
     @property
     def drive_mode(self) -> str | None:
         """
@@ -153,8 +138,7 @@ class RunOptions:
 
     @property
     def _mode_of_file(self) -> str | None:
-        file = self.drive_file
-        return None if file is None else file.parameters.mode
+        return None if self.drive_file is None else self.drive_file.parameters.mode
 
     def per_robot(self) -> tuple['RunOptions', ...]:
         """Return the options of each robot: themselves, or those of the robots of `both`."""

@@ -10,7 +10,7 @@ from mujoco_sim.world import build_shared_world, build_world, World
 from robot_description.description import Description, load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 
-from wasd_bringup.robots import HUMANOID, LEGGED, load_class, ROBOTS
+from wasd_bringup.robots import HUMANOID, LEGGED, load_class, ROBOTS, WHEELED
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import Robot
 
@@ -40,19 +40,28 @@ def build_worlds(
     Raises:
         UserError: an option is wrong; the text says how, in one line.
     """
-    parts = options.per_robot()
+    parts = tuple(map(_with_files, options.per_robot()))
     loaded = [_load(part) for part in parts]
     setups = [_setup(part, robot) for part, robot in zip(parts, loaded, strict=True)]
     visuals = visuals or any(has_camera(robot.robot) for robot in loaded)
     boxes = [box.size for box in options.boxes]
     if len(parts) == 1:
-        built = loaded[0].with_stand_in_masses() if options.is_fake else loaded[0]
+        built = loaded[0].with_stand_in_masses() if parts[0].is_fake else loaded[0]
         world = build_world(built, options.world, options.seed, setups[0], visuals, boxes)
-        return [(options, loaded[0], world)]
+        return [(parts[0], loaded[0], world)]
     prefixes = [f'{part.namespace}/' for part in parts]
     members = list(zip(prefixes, loaded, setups, strict=True))
     worlds = build_shared_world(members, options.world, options.seed, visuals, boxes)
     return list(zip(parts, loaded, worlds, strict=True))
+
+
+def _with_files(options: RunOptions) -> RunOptions:
+    if ROBOTS[options.robot].kind is not WHEELED:
+        return options
+    # Here, because legs do without.
+    from wasd_bringup.run.mbot import with_drive_file
+
+    return with_drive_file(options)
 
 
 def _load(options: RunOptions) -> Description:
