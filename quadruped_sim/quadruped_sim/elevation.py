@@ -76,8 +76,7 @@ class Elevation:
         points = np.ascontiguousarray(points, float).reshape(-1, 3)
         variances = np.array(np.broadcast_to(np.asarray(variance, float), len(points)))
         fine = np.isfinite(points).all(axis=1) & np.isfinite(variances) & (variances > 0.0)
-        column, row = self._first.tolist()
-        _fuse(points[fine], variances[fine], self._layers, self.resolution, column, row)
+        _fuse(points[fine], variances[fine], self._layers, self.resolution, self._first)
 
     def clear(self, points: np.ndarray, origin: np.ndarray) -> None:
         """
@@ -87,9 +86,8 @@ class Elevation:
         ground before it, as in a gap, its rays vote against the heights that they passed under.
         """
         fine = np.isfinite(points).all(axis=1)
-        column, row = self._first.tolist()
         points = np.ascontiguousarray(points[fine], float)
-        _clear(points, np.asarray(origin, float), self._layers, self.resolution, column, row)
+        _clear(points, np.asarray(origin, float), self._layers, self.resolution, self._first)
 
     def offset_of(self, points: np.ndarray) -> float:
         """Return the median height of points (n, 3) above the map [m]; 0 for few points."""
@@ -145,22 +143,36 @@ class Elevation:
 
 
 @jit
+def _elect(layers: np.ndarray, row: int, column: int, variance: float) -> None:
+    """Give a cell the height of its rival, with a variance, if that has the more votes."""
+    rival_votes = layers[_RIVAL_VOTES, row, column]
+    if rival_votes > layers[_VOTES, row, column]:
+        layers[_HEIGHT, row, column] = layers[_RIVAL, row, column]
+        layers[_VARIANCE, row, column] = variance
+        layers[_VOTES, row, column] = min(rival_votes, MOST_VOTES)
+        layers[_RIVAL_VOTES, row, column] = 0.0
+
+
+@jit
 def _fuse(
     points: np.ndarray,
     variances: np.ndarray,
     layers: np.ndarray,
     resolution: float,
-    first_column: int,
-    first_row: int,
+    first: np.ndarray,
 ) -> None:
-    """Add points to the cells that they are in; each cell's own rule is that of `Elevation`."""
+    """
+    Add points to the cells that they are in; each cell's own rule is that of `Elevation`.
+
+    `first` is the number of the first column and row, as it is below.
+    """
     count = layers.shape[1]
     height, variance, votes = layers[_HEIGHT], layers[_VARIANCE], layers[_VOTES]
     rival, rival_votes = layers[_RIVAL], layers[_RIVAL_VOTES]
     for k in range(len(points)):
         column = math.floor(points[k, 0] / resolution)
         row = math.floor(points[k, 1] / resolution)
-        if not (0 <= column - first_column < count and 0 <= row - first_row < count):
+        if not (0 <= column - first[0] < count and 0 <= row - first[1] < count):
             continue
         i, j = row % count, column % count
         z, noise = points[k, 2], variances[k]
@@ -181,10 +193,7 @@ def _fuse(
         if rival_votes[i, j] > 0.0 and from_rival * from_rival <= 2.0 * GATE * GATE * noise:
             rival_votes[i, j] += 1.0
             rival[i, j] += from_rival / rival_votes[i, j]
-            if rival_votes[i, j] > votes[i, j]:
-                height[i, j], variance[i, j] = rival[i, j], noise / rival_votes[i, j]
-                votes[i, j] = min(rival_votes[i, j], MOST_VOTES)
-                rival_votes[i, j] = 0.0
+            _elect(layers, i, j, noise / rival_votes[i, j])
         elif rival_votes[i, j] <= 1.0:
             rival[i, j], rival_votes[i, j] = z, 1.0
         else:
@@ -197,12 +206,11 @@ def _clear(
     origin: np.ndarray,
     layers: np.ndarray,
     resolution: float,
-    first_column: int,
-    first_row: int,
+    first: np.ndarray,
 ) -> None:
     """Vote by rays from `origin` to `points` for the heights at which they passed cells."""
     count = layers.shape[1]
-    height, variance, votes = layers[_HEIGHT], layers[_VARIANCE], layers[_VOTES]
+    height, votes = layers[_HEIGHT], layers[_VOTES]
     rival, rival_votes = layers[_RIVAL], layers[_RIVAL_VOTES]
     cells = np.zeros((int(2.0 * PASSED / resolution) + 2, 2), np.int64)
     depths = np.zeros(len(cells))
@@ -214,7 +222,7 @@ def _clear(
             part = n * 0.5 * resolution / max(way, resolution)
             column = math.floor((points[k, 0] + part * dx) / resolution)
             row = math.floor((points[k, 1] + part * dy) / resolution)
-            if not (0 <= column - first_column < count and 0 <= row - first_row < count):
+            if not (0 <= column - first[0] < count and 0 <= row - first[1] < count):
                 continue
             i, j, z = row % count, column % count, points[k, 2] + part * dz
             if votes[i, j] == 0.0:
@@ -234,10 +242,7 @@ def _clear(
                 rival[i, j] += (z - rival[i, j]) / rival_votes[i, j]
             else:
                 rival[i, j], rival_votes[i, j] = z, 1.0
-            if rival_votes[i, j] > votes[i, j]:
-                height[i, j], variance[i, j] = rival[i, j], CLEARED
-                votes[i, j] = min(rival_votes[i, j], MOST_VOTES)
-                rival_votes[i, j] = 0.0
+            _elect(layers, i, j, CLEARED)
 
 
 @jit

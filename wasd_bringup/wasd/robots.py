@@ -394,11 +394,11 @@ class Mbot(Robot):
         world: str | os.PathLike[str] = 'flat',
         seed: int = 0,
         *,
+        controller: str | os.PathLike[str] | None = None,
+        preset: str = 'mbot',
         description: str | os.PathLike[str] = 'mbot',
         package_path: Sequence[str | os.PathLike[str]] = (),
         xacro_arguments: Mapping[str, str] = MappingProxyType({}),
-        preset: str = 'mbot',
-        controller: str | os.PathLike[str] | None = None,
     ) -> None:
         options = RunOptions(
             robot=MBOT.name,
@@ -411,10 +411,10 @@ class Mbot(Robot):
             controller=None if controller is None else Path(controller),
             speed=0.0,
         )
-        mode = 'float' if options.drive_file is None else options.drive_file.parameters.mode
+        super().__init__(options)
+        mode = self._robot.settings.mode
         if mode != 'float':
             raise UserError(f"mode: got {mode!r}, a script drives mode 'float' only")
-        super().__init__(options)
         self._velocity = (0.0, 0.0, 0.0)
 
     @property
