@@ -16,21 +16,16 @@ The simulated robots in a script of your own: no ROS, no threads, no clock but t
 import sys
 
 from robot_description.mujoco import choose_renderer
+from wasd_core.errors import UserError
+from wasd_core.loading import loading
 
 # MuJoCo chooses what it draws with when it is imported for the first time.
 if 'mujoco' not in sys.modules:
     choose_renderer()
 
-from mujoco_sim.parameters import (
-    Payload,  # noqa: E402
-    Untold,  # noqa: E402
-)
-from wasd_core.errors import UserError  # noqa: E402
+with loading(is_ours=False):
+    from mujoco_sim.parameters import Payload, Untold
 
-from wasd.robots import (
-    G1,  # noqa: E402
-    Go2,  # noqa: E402
-    Mbot,  # noqa: E402
-)
+    from wasd.robots import G1, Go2, Mbot
 
 __all__ = ['G1', 'Go2', 'Mbot', 'Payload', 'Untold', 'UserError']

@@ -13,6 +13,7 @@ import textwrap
 from typing import Any, NoReturn
 
 from wasd_core.errors import UserError
+from wasd_core.loading import loading
 from wasd_core.network import check_middleware
 from wasd_core.parameters import as_given, describe_range, known_parameters
 from wasd_core.shared_memory import look_before_ros
@@ -73,7 +74,9 @@ class Executable:
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2
-        status: int = import_module(self.module).main(words)
+        with loading():
+            program = import_module(self.module)
+        status: int = program.main(words)
         return status
 
     def read(self, words: Sequence[str]) -> argparse.Namespace:

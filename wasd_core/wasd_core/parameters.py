@@ -4,6 +4,7 @@
 from collections.abc import Collection, Mapping, Sequence
 import dataclasses
 import math
+from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 from wasd_core.errors import suggest, UserError
@@ -84,12 +85,21 @@ class Known(NamedTuple):
     group: str = ''
 
 
-def known_parameters(definition: 'type[Parameters]') -> dict[str, Known]:
+def known_parameters(definition: 'type[Parameters]') -> Mapping[str, Known]:
     """
     Return every parameter of a set by what users call it, those of its groups last.
 
     A field of a group is called `group.field`, unless it has a `name` of its own.
     """
+    if definition not in _known:  # a start asks some hundred times
+        _known[definition] = MappingProxyType(_list_parameters(definition))
+    return _known[definition]
+
+
+_known: dict[type, Mapping[str, Known]] = {}
+
+
+def _list_parameters(definition: 'type[Parameters]') -> dict[str, Known]:
     fields = dataclasses.fields(definition)
     known = {outward_name(field): Known(field) for field in fields if not _is_group(field)}
     for part in filter(_is_group, fields):

@@ -5,7 +5,6 @@ import array
 import io
 
 import numpy as np
-from PIL import Image
 from rclpy.node import Node
 import sensor_msgs.msg
 from sensor_msgs.msg import CompressedImage, PointField
@@ -55,6 +54,9 @@ def _publish_topic(node: Node, topic: SensorTopic) -> None:
 
 def _publish_compressed(node: Node, topic: SensorTopic) -> None:
     """Publish a camera's colours as JPEGs, by the name that image_transport gives them."""
+    # Here, because few robots have a camera.
+    from PIL import Image
+
     frame = topic.frame
     publisher = node.create_publisher(CompressedImage, f'{topic.name}/compressed', RELIABLE)
 

@@ -3,6 +3,7 @@
 
 import argparse
 from collections.abc import Sequence
+import contextlib
 import importlib.util
 import os
 from pathlib import Path
@@ -16,6 +17,7 @@ from teleop_keyboard.keymap_file import describe_keymap, list_presets
 from teleop_keyboard.terminal import tolerate_any_text
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import Stopped, UserError
+from wasd_core.loading import loading
 from wasd_core.network import check_middleware
 from wasd_core.shared_memory import look_before_ros
 from wasd_core.streams import lost_output, OutputLost, prepare_streams, print_error
@@ -242,9 +244,11 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         from wasd_bringup.tools.graph.commands import run_graph_command
 
         return run_graph_command(arguments)
-    from wasd_bringup.cli.run_command import run_command
+    with contextlib.ExitStack() as start:
+        start.enter_context(loading())
+        from wasd_bringup.cli.run_command import run_command
 
-    return run_command(arguments, ros_arguments)
+        return run_command(arguments, ros_arguments, start.close)
 
 
 def run_tests(arguments: Sequence[str]) -> NoReturn:

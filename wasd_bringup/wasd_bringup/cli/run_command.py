@@ -2,7 +2,7 @@
 """`wasd go2` and the like: robots, driven from the terminal, the page, a pipe or a script."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import contextlib
 import dataclasses
 import importlib.util
@@ -32,9 +32,15 @@ if TYPE_CHECKING:
 NEED_ROS = ('record', 'foxglove', 'gamepad', 'discovery')
 
 
-def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()) -> int:
+def run_command(
+    arguments: argparse.Namespace,
+    ros_arguments: Sequence[str],
+    end_loading: Callable[[], None],
+) -> int:
     """
     Run a robot as the options say; return the exit status. `ros_arguments` begin with --ros-args.
+
+    It calls `end_loading` once everything is loaded and the robots are about to run.
 
     Raises:
         UserError: what is wrong with the options or the files they name.
@@ -66,7 +72,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
         )
         command = _Command(options, _home(uses_ros, ros_arguments))
         try:
-            attempt_all(lambda: command.do(reader, viewer, stop), command.close)
+            attempt_all(lambda: command.do(reader, viewer, stop, end_loading), command.close)
         except Stopped:
             return stop.exit_status
     print(command.summary(), file=_where_to_say(options))
@@ -153,7 +159,13 @@ class _Command:
         self._options, self._home = options, home
         self._run: Run | None = None
 
-    def do(self, reader: KeyReader | None, viewer: str, stop: StopSignals) -> None:
+    def do(
+        self,
+        reader: KeyReader | None,
+        viewer: str,
+        stop: StopSignals,
+        end_loading: Callable[[], None],
+    ) -> None:
         """Make everything, and run until the end."""
         options = self._options
         run = self._run = self._home.make_run(options, reader, viewer != 'none')
@@ -167,6 +179,7 @@ class _Command:
                 show_page(where)
         if options.interactive or viewer != 'none' or options.has_guests:
             print('\n'.join(run.first_lines), file=_where_to_say(options), flush=True)
+        end_loading()
         run.run(stop)
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from mujoco_sim.simulation import Simulation
 from mujoco_sim.world import build_shared_world, build_world, World
 from robot_description.description import Description, load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
+from wasd_core.loading import loading
 
 from wasd_bringup.robots import HUMANOID, LEGGED, load_class, ROBOTS, WHEELED
 from wasd_bringup.run.options import RunOptions
@@ -26,7 +27,8 @@ def build_robots(options: RunOptions, visuals: bool) -> list[Robot]:
     for part, loaded, world in build_worlds(options, visuals):
         simulation = robots[0].simulation if robots else Simulation(world, options.speed)
         # Here, because the controllers of the other robots take a second to load.
-        make = load_class(ROBOTS[part.robot].kind.robot)
+        with loading(is_ours=False):
+            make = load_class(ROBOTS[part.robot].kind.robot)
         robots.append(make(part, loaded, world, simulation))
     return robots
 
