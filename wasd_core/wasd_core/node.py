@@ -16,7 +16,6 @@ from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError, 
 from rclpy.event_handler import EventHandler
 from rclpy.executors import (
     ConditionReachedException,
-    Executor,
     ShutdownException,
     SingleThreadedExecutor,
     TimeoutException,
@@ -180,10 +179,11 @@ def _without_log_file(args: Sequence[str], is_local: bool) -> list[str]:
 
 def spin_alone(node: Node, stop: StopSignals) -> None:
     """Spin one node until a stop signal or a shutdown."""
-    executor = SingleThreadedExecutor()
+    executor = MessagePump()
     executor.add_node(node)
     try:
-        spin(executor, lambda: stop.requested)
+        while rclpy.ok() and not stop.requested:
+            executor.handle(SPIN_PERIOD)
     finally:
         # Whatever is left to the garbage collector complains when rclpy is gone before it.
         executor.shutdown(timeout_sec=0.0)
@@ -423,9 +423,3 @@ class MessagePump(SingleThreadedExecutor):
         except TimeoutException:
             return None
         return ready[:2]
-
-
-def spin(executor: Executor, stop: Callable[[], bool]) -> None:
-    """Handle messages until `stop` or until the context is shut down."""
-    while rclpy.ok() and not stop():
-        executor.spin_once(timeout_sec=SPIN_PERIOD)
