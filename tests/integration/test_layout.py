@@ -341,6 +341,14 @@ def test_colcon_installs_every_data_file(package):
     assert data_files(package) - covered == set()
 
 
+@for_all('package', PACKAGES)
+def test_colcon_knows_the_marks_of_all_tests(package):
+    setup = configparser.ConfigParser()
+    setup.read(ROOT / package / 'setup.cfg')
+    marks = setup['tool:pytest']['markers'].strip().split('\n')
+    assert marks == PROJECT['tool']['pytest']['ini_options']['markers']
+
+
 def python_files() -> list[Path]:
     """Return every Python file of the repository, tests included."""
     folders = [*PACKAGES, 'tests', 'benchmarks', 'docs']
