@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
 
 pytestmark = pytest.mark.slow
 
@@ -226,3 +227,31 @@ def test_a_driver_of_ones_own_is_one_file(held_of):
     session.simulation.advance(2000)
     assert session.world.base().rpy[2] == pytest.approx(yaw, abs=1e-3)
     assert session.robot.drivers.state.asks == ('sine',)
+
+
+KEYMAP = """
+speed: 0.5
+turn: 1.0
+speed_limits: [0.05, 2]
+turn_limits: [0.1, 3]
+linear_accel: 1.0
+angular_accel: 4.0
+motion:
+  i: [1, 0, 0]
+stop: [ESC]
+"""
+
+
+def test_esc_is_the_e_stop_also_where_a_keymap_names_it(tmp_path):
+    preset = tmp_path / 'mine.yaml'
+    preset.write_text(KEYMAP)
+    run = Run(
+        RunOptions(robot='mbot', description='mbot', preset=str(preset), speed=0.0, latched=True)
+    )
+    run.press('i')
+    assert run.robot.drivers.state.driver == 'keys'
+    run.press('ESC')
+    assert run.robot.drivers.stopped_by == 'keys'
+    run.press('RELEASE+i')
+    assert not run.robot.press('i', 'keys')
+    run.close()

@@ -252,7 +252,7 @@ class Robot(ABC):
 
     def heeds_e_stop(self, key: str, by: str) -> bool:
         """Return whether a key is the e-stop, which any source may press; if so, stop."""
-        is_e_stop = key == E_STOP_KEY and key not in self.own_keys
+        is_e_stop = key == E_STOP_KEY  # also where a keymap has a meaning for it
         if is_e_stop:
             self.on_e_stop(by)
         return is_e_stop
