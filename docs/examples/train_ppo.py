@@ -2,7 +2,7 @@
 """
 A Go2 learns by PPO: `python train_ppo.py STEPS FILE.onnx`, then `wasd go2 --policy FILE.onnx`.
 
-Needs the extras gym, policy and train. Two processes simulate.
+Needs the extra train. Two processes simulate.
 """
 
 from pathlib import Path
