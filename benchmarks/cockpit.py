@@ -45,7 +45,7 @@ SHOWN = {
     'plots': 'plot of forward m/s',
     'map': 'floor',
     'view': 'camera follow',
-    'world': 'start anew',
+    'world': 'restart',
 }
 
 

@@ -163,7 +163,7 @@ class ArbotixHost:
         self.reset(0)
 
     def configure(self, timeout: float, accel_limit: float) -> None:
-        """Go on with another time-out [s] and ramp [m/s^2, as it were]."""
+        """Set the time-out [s] and `accel_limit`, in m/s^2 by name only (see the class)."""
         self._timeout = round(1e9 * timeout)
         self._step = int(accel_limit * self._ticks_meter / self._rate)
 
@@ -270,7 +270,7 @@ class LegacyController:
         self.host.reset(0)
 
     def forget_command(self) -> None:
-        """Be as if no command had ever come: the robot stops on arbotix's ramp."""
+        """Forget the command: the robot stops on arbotix's ramp."""
         self._has_command = False
         self._new_age = None
         self.host.command(0.0, 0.0, self._now)

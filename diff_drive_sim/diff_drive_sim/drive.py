@@ -88,7 +88,7 @@ class DiffDriveController:
         self.forget_command()
 
     def forget_command(self) -> None:
-        """Be as if no command had ever come: the robot stops on its ramp."""
+        """Forget the command: the robot stops on its ramp."""
         self._command_age.reset()
         self._is_new = False
 

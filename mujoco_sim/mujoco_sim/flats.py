@@ -132,9 +132,9 @@ def _choose_doors(
     """
     Return doors as `Flat` has them, by the two rooms that they join.
 
-    A corridor, of which there are the first so many rooms, has a door to each of its neighbours;
-    of other neighbours some have one, at least one pair that a corridor joins, too, so that there
-    is a loop; and all that would be left out have.
+    The first rooms, `corridors` of them, are corridors: each has a door to each of its neighbours.
+    Some other neighbours have a door; at least one of these doors closes a loop. A room that
+    would stay without a way gets a door.
     """
     doors: dict[tuple[int, int], np.ndarray] = {}
     joined = list(range(len(rooms)))  # equal for rooms that doors join

@@ -60,7 +60,7 @@ class RobotSetup:
 
     `held` joints [rad] or [m] stay there until a command names them.
 
-    `untold` is what the controller does not know it, `drawn` how the robot differs at random.
+    `untold` holds what the controller is not told, `drawn` how the robot differs at random.
     """
 
     joint_positions: Mapping[str, float] = field(default_factory=dict)

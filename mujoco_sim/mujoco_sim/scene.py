@@ -281,7 +281,7 @@ def _add_sun(body: mujoco.MjsBody) -> mujoco.MjsLight:
 
 def lead_sun(spec: mujoco.MjSpec, body: str) -> None:
     """
-    Have the sun go along with a body: shadows are drawn around where a light is.
+    Move the sun with a body: MuJoCo draws shadows only around a light.
 
     A world that has no sun of ours keeps its lights as they are.
     """

@@ -416,7 +416,7 @@ class World:
         Compile the specification; `root` is the body on the free joint, or held in place.
 
         A robot that shares a compiled model has a `prefix` there before all its names; here it
-        has not. Whoever compiled the model resets it once all robots are in it.
+        has not. The caller that compiled the model resets it after all robots are in it.
 
         Raises:
             SimulationError: what the compiler says, in one line.

@@ -36,9 +36,9 @@ def flatten(record: Any) -> np.ndarray:
     """
     Return what a NamedTuple, or a mapping, holds in one block of memory, a record array (1,).
 
-    A compiled function takes it as fast as one number, whatever is in it, and returns nothing but
-    writes into it: each array that numba is given takes 0.2 us, each that it returns 1 us and
-    more. There, `base = robot[0].base` has the fields of the NamedTuple that was flattened.
+    A compiled function takes such a block as fast as one number. It returns nothing and writes
+    into the block instead: each array that numba is given takes 0.2 us, each that it returns 1 us
+    and more. There, `base = robot[0].base` has the fields of the NamedTuple that was flattened.
     """
     layout = _layout(record)
     flat = np.zeros(1, _LAYOUTS.setdefault(layout, layout))

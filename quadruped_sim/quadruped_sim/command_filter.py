@@ -108,7 +108,7 @@ class CommandFilter:
         self.forget_request()
 
     def forget_request(self) -> None:
-        """Be as if no request had ever come: the command ramps down to rest."""
+        """Forget the request: the command ramps down to rest."""
         self._age.reset()
         self._is_new = False
 

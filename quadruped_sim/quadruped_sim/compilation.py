@@ -25,7 +25,7 @@ from quadruped_sim.tuning import GaitParameters
 NOTICE = 'compiling, once: the leg controller, which takes up to a minute of a core'
 # How long a stop may go unnoticed while the other process compiles [s].
 PERIOD = 0.05
-# Not from the current folder (-P), whoever wrote there.
+# -P: nothing is imported from the current folder, which a stranger may have written to.
 COMPILE = (sys.executable, '-P', '-m', 'quadruped_sim')
 
 Result = TypeVar('Result')

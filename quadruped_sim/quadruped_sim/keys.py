@@ -146,7 +146,7 @@ STICK_KEYS = {
 ZERO_KEYS = (' ', 'SPACE', STOP_KEY)
 # Key -> how far on in the table of gaits.
 GAIT_KEYS = {'n': 1, 'N': -1}
-# Has the legs walk by sight, or blind again.
+# Switches between walking by sight and walking blind.
 EYES_KEY = 'e'
 
 

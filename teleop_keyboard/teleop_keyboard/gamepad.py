@@ -238,8 +238,8 @@ class JoyToTwist:
     The commands that follow from a sequence of states of a pad; `is_driving` while one enables it.
 
     `step` takes a state and returns the command to be published with it, or None. `lose` says that
-    there is no pad any more, `hold` that the robot was stopped: nothing drives until what enables
-    the sticks was let go, or, where they need nothing, until they were at rest.
+    there is no pad any more, `disarm` that the robot was stopped: nothing drives until what
+    enables the sticks was let go, or, where they need nothing, until they were at rest.
     """
 
     def __init__(self, parameters: JoyParameters) -> None:
@@ -281,8 +281,8 @@ class JoyToTwist:
         self.is_driving = False
         return None if has_stopped else JoyTwist()
 
-    def hold(self) -> JoyTwist | None:
-        """Count what is held as let go until it was; return a zero if it drove."""
+    def disarm(self) -> JoyTwist | None:
+        """Ignore what is held until it is released; return a zero if it drove."""
         self._awaits_release = True
         return self.lose() if self.is_driving else None
 

@@ -113,7 +113,7 @@ class GamepadNode(Node):
 
     def take_preset(self, name: str) -> None:
         """Go on with a preset's meanings of what was not given, standing; parameters say so."""
-        self.halt()
+        self.disarm()
         self._preset, given = name, self._given
         settings = PAD_PRESETS[name].changed(given)
         self._keys = PadKeys(settings.keys, self.gamepad.controls)
@@ -123,11 +123,11 @@ class GamepadNode(Node):
         self._given = given
         self.logic.parameters = settings
 
-    def halt(self) -> None:
-        """Stop, and count what is held as let go until it was, on whatever machine."""
+    def disarm(self) -> None:
+        """Stop, and ignore what is held, on whatever machine, until it is released."""
         # Axes that need no button are held by the logic, which must see when they are at rest.
         self.gamepad.pad.let_go(axes=self.logic.parameters.require_enable_button)
-        velocity = self.logic.hold()
+        velocity = self.logic.disarm()
         if velocity is not None:
             self._output.drive(velocity)
         if self.gamepad.is_there:

@@ -218,7 +218,7 @@ class Terminal:
         wanted: dict[int, Any] = dict.fromkeys(SUSPENDING, self._suspend)
         wanted[signal.SIGCONT] = self._resume
         for deadly in DEADLY:
-            # Whoever runs the program may ask for an orderly end instead: StopSignals.
+            # A signal that the program handles itself (StopSignals) keeps its handler.
             if signal.getsignal(deadly) == signal.SIG_DFL:
                 wanted[deadly] = self._act_by_default
         for number, handler in wanted.items():

@@ -111,9 +111,9 @@ class TwistOutput:
     Publishes velocities on a topic of a node.
 
     With `stamped` `auto` the type is that of the subscribers as far as they agree, Twist before
-    there is one. Who has the topic under the other type is warned of, once. A process can have a
-    topic under one type only: what it has stays. Where `follow` is off nothing is looked at: a
-    node that somebody else steps makes no timers, and keeps to Twist.
+    there is one. One warning names the nodes that have the topic under the other type. A process
+    can have a topic under one type only: what it has stays. Where `follow` is off nothing is
+    looked at: a node that somebody else steps makes no timers, and keeps to Twist.
 
     Raises:
         InvalidParameter: this process has the topic under the type that `stamped` rules out.

@@ -116,7 +116,7 @@ class Stranger:
     def _click(self, step: Step) -> None:
         (name,) = step.words
         self._page().press_at(self._find(name).middle)
-        # `start anew` ends the page, maybe before it has drawn again.
+        # `restart` ends the page, maybe before it has drawn again.
         with contextlib.suppress(CutOff):
             self._page().let_go()
 
@@ -217,7 +217,7 @@ def test_the_first_ten_minutes_are_as_the_page_says(
         rects = tmp_path / f'rects_{number}.json'
         words = ['-m', 'page_watch', str(rects), *run.words]
         if run.words[0] != 'replay':
-            # Other tests take the first port that is free, also while this run starts anew.
+            # Other tests take the first port that is free, also while this run restarts.
             words += ['--port', str(FIRST_PORT + int(environment['ROS_DOMAIN_ID']))]
         session = run_on_terminal(words, private, tmp_path, WINDOW)
         stranger = Stranger(session, rects, second)

@@ -82,9 +82,9 @@ def test_a_pad_that_is_unplugged_is_a_zero_at_the_next_look(node, pipe, taker):
     assert not node.is_enabled
 
 
-def test_what_is_held_over_a_halt_drives_after_it_was_let_go(node, pipe, taker):
+def test_what_is_held_over_a_disarm_drives_after_it_was_let_go(node, pipe, taker):
     drive(node, pipe)
-    node.halt()
+    node.disarm()
     assert taker.velocities[-1] == JoyTwist()
     count = len(taker.velocities)
     pipe.push(1, -0.9)
@@ -95,7 +95,7 @@ def test_what_is_held_over_a_halt_drives_after_it_was_let_go(node, pipe, taker):
     assert taker.velocities[-1] == JoyTwist(vx=0.6)
 
 
-def test_what_is_held_on_a_pad_of_another_machine_over_a_halt_drives_after_it_was_let_go(
+def test_what_is_held_on_a_pad_of_another_machine_over_a_disarm_drives_after_it_was_let_go(
     spawn, taker, tmp_path
 ):
     overrides = [Parameter('device', value=str(tmp_path / 'none'))]
@@ -103,7 +103,7 @@ def test_what_is_held_on_a_pad_of_another_machine_over_a_halt_drives_after_it_wa
     held, free = (Joy(axes=[0.0, 1.0], buttons=[0, 0, 0, 0, down]) for down in (1, 0))
     node.joy._callback(held)
     assert taker.velocities == [JoyTwist(vx=0.3)]
-    node.halt()
+    node.disarm()
     for _ in range(3):
         node.joy._callback(held)
     assert taker.velocities == [JoyTwist(vx=0.3), JoyTwist()]
@@ -112,14 +112,14 @@ def test_what_is_held_on_a_pad_of_another_machine_over_a_halt_drives_after_it_wa
     assert taker.velocities[-1] == JoyTwist(vx=0.3)
 
 
-def test_without_a_dead_man_button_a_stick_held_over_a_halt_drives_after_it_was_at_rest(
+def test_without_a_dead_man_button_a_stick_held_over_a_disarm_drives_after_it_was_at_rest(
     node, pipe, taker
 ):
     node.set_parameters([Parameter('require_enable_button', value=False)])
     pipe.push(1, -1.0)
     node.look()
     assert taker.velocities[-1] == JoyTwist(vx=0.6)
-    node.halt()
+    node.disarm()
     assert taker.velocities[-1] == JoyTwist()
     pipe.push(1, -0.9)
     node.look()
@@ -131,9 +131,11 @@ def test_without_a_dead_man_button_a_stick_held_over_a_halt_drives_after_it_was_
     assert taker.velocities[-1] == JoyTwist(vx=0.6)
 
 
-def test_a_pad_that_tells_only_changes_drives_with_the_first_press_after_a_halt(node, pipe, taker):
+def test_a_pad_that_tells_only_changes_drives_with_the_first_press_after_a_disarm(
+    node, pipe, taker
+):
     node.set_parameters([Parameter('autorepeat_rate', value=0.0)])
-    node.halt()
+    node.disarm()
     drive(node, pipe)
     assert taker.velocities[-1] == JoyTwist(vx=0.6)
 

@@ -110,14 +110,14 @@ def test_the_dead_man_button_let_go_is_one_zero():
 
 
 @for_all('button', [4, 5])
-def test_held_over_a_hold_a_button_drives_after_it_was_let_go(button):
+def test_held_over_a_disarm_a_button_drives_after_it_was_let_go(button):
     logic = JoyToTwist(JoyParameters())
     axes, held = (0.0, 1.0), tuple(int(number == button) for number in range(6))
-    assert logic.hold() is None
+    assert logic.disarm() is None
     assert logic.step(JoyState(axes, (0,) * 6)) == JoyTwist()
     full = logic.step(JoyState(axes, held))
     assert full.vx > 0.0
-    assert logic.hold() == JoyTwist()
+    assert logic.disarm() == JoyTwist()
     assert [logic.step(JoyState(axes, held)) for _ in range(3)] == [None] * 3
     assert logic.step(JoyState((0.0, 0.0), held)) is None  # the stick is not the button
     assert logic.step(JoyState(axes, held)) is None
@@ -126,11 +126,11 @@ def test_held_over_a_hold_a_button_drives_after_it_was_let_go(button):
     assert logic.step(JoyState(axes, held)) == full
 
 
-def test_where_no_button_is_needed_sticks_drive_after_a_hold_when_they_were_at_rest():
+def test_where_no_button_is_needed_sticks_drive_after_a_disarm_when_they_were_at_rest():
     logic = JoyToTwist(JoyParameters(require_enable_button=False))
     # The trigger, axis 2, which drives nothing, rests at 1.
     assert logic.step(JoyState((0.0, 1.0, 1.0), ())) == JoyTwist(vx=0.3)
-    assert logic.hold() == JoyTwist()
+    assert logic.disarm() == JoyTwist()
     assert [logic.step(JoyState((0.0, x, 1.0), ())) for x in (1.0, 0.5)] == [None, None]
     assert logic.step(JoyState((0.0, 0.0, 1.0), ())) == JoyTwist()
     assert logic.step(JoyState((0.0, 0.5, 1.0), ())) == JoyTwist(vx=0.15)

@@ -159,7 +159,7 @@ class Bridge:
             self.low.select()
 
     def disarm(self) -> None:
-        """Let nothing that a program commands now count: the motors damp."""
+        """Ignore what programs command now: the motors damp."""
         self.motion.forget()
         self.low.stop()
         self._in_force = None
@@ -233,7 +233,7 @@ class Bridge:
         if self._is_answered:
             return True
         if not self._has_begun:
-            # Who has come meanwhile has not heard of this instant.
+            # A program that joined meanwhile has not got the LowState of this instant.
             self._look()
             self._tell_low_state(now, self._robot.senses())
             return False

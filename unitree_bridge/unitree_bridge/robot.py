@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.robot_io import ImuReading, JointCommand, JointStates
 
-# Who drives when an SDK program does.
+# The name of the source when a program of the SDK drives.
 SOURCE = 'unitree'
 # The legs of the controller FL FR RL RR, in Unitree's order FR FL RR RL; it is its own inverse.
 LEGS = np.array((1, 0, 3, 2))

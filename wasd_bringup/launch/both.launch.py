@@ -19,7 +19,7 @@ from wasd_bringup.ros.launch_parts import NO_KEYS, parameter_argument
 
 # What is the same for both.
 SHARED = ('seed', 'speed')
-# Who has the keyboard unless asked otherwise.
+# The keys of each robot by default: the keyboard drives the Go2.
 KEYS = {GO2.name: GO2.preset, MBOT.name: NO_KEYS}
 
 

@@ -28,7 +28,7 @@ _leave_foreign_folder()
 
 def quiet_start(package: str, *executables: str) -> None:
     """
-    Have Ctrl-C end one of a package's programs without a word while it is being loaded.
+    Let Ctrl-C end a program of a package silently while the program loads.
 
     Called first in a package; where it is imported into another program nothing happens. What
     the program does with signals later is its own affair. So nothing heavy is imported here. Nor

@@ -22,7 +22,7 @@ NOUNS[os.PathLike] = 'path'
 
 def checked(function: Callable[Given, Returned]) -> Callable[Given, Returned]:
     """
-    Have a function refuse arguments that do not fit their annotations, with a UserError.
+    Make a function raise UserError for arguments that do not fit their annotations.
 
     A number is finite, a text is not empty. A keyword that is unknown or missing is a TypeError,
     as everywhere in Python.

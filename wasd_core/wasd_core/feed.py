@@ -16,10 +16,11 @@ LONGEST = 10.0
 LAST = 7
 # A stream of less than this share of the rate that is wanted is too slow.
 ENOUGH = 0.8
-# Who rests is told so long after readings have become slow [s]:
-# a simulator waits for nobody until it is first answered, and states may be lost till then.
+# A robot at rest is hindered only after readings were slow for this long [s]: a simulator does
+# not wait for a controller before its first answer, and states may get lost until then.
 SLOW_AT_REST = 1.0
-# One that moves is stopped after this [s]: what a busy machine loses for a moment does no harm.
+# A moving robot stops after this time [s]: readings that a busy machine loses for a moment do no
+# harm.
 SLOW_IN_MOTION = 0.05
 
 

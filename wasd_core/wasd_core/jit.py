@@ -30,8 +30,8 @@ def jit(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
 
     `options` are numba's. What was compiled of another state of the function's package, or of
     this one, is not used: a compiled function calls only those of its own package, and knows
-    constants of this one. Nothing is compiled for callers in C, which there are none of: that
-    takes a seventh of the time.
+    constants of this one. No wrapper for callers in C is compiled: there are no such callers, and
+    it takes a seventh of the time.
     """
     options = {'no_cfunc_wrapper': True, **options}
     kernel = numba.njit(**options)(function)

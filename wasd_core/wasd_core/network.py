@@ -39,7 +39,7 @@ RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 # The variable of old, which takes precedence.
 LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
 PROFILES_FILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
-# Whoever has set one of these has said who may talk to whom.
+# If the user has set one of these, that decides which machines may talk to each other.
 SAYS_WHO = (RANGE, LOCALHOST_ONLY)
 # With these others are asked for by name: what they say must get through.
 SAYS_HOW = (PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
@@ -97,7 +97,7 @@ def set_range(environment: MutableMapping[str, str], name: str) -> None:
 
 def do_without_shared_memory(environment: MutableMapping[str, str]) -> None:
     """
-    Have Fast DDS use UDP alone.
+    Make Fast DDS use only UDP.
 
     Under LOCALHOST rmw_fastrtps itself adds shared memory, so our profile takes its place, which
     knows no peers on other machines.
@@ -246,7 +246,7 @@ def claim_domain(
 
     Returns the place, and a line for the user when something is not as usual: another domain than
     0, or one of the user's own that another run is in, too. `talk` is a command that would reach
-    this run. Where every domain is taken, by whomever, it talks to nobody.
+    this run. If other processes hold every domain, the run talks to nobody.
     """
     if environment.get(DOMAIN):
         named = environment[DOMAIN]

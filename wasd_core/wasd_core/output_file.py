@@ -196,7 +196,7 @@ class OutputFile:
 
 def identity(path: str | Path) -> tuple[int, int, str] | None:
     """
-    Return what two paths have in common that name one file, also one that is not there yet.
+    Return a key that is equal for all paths of one file, even before the file exists.
 
     None for a character device: a terminal or /dev/null takes what comes from anywhere.
     """

@@ -102,7 +102,7 @@ MOST_KEPT = 8
 
 def folder_of(state: str, name: str) -> Path | None:
     """
-    Return where is kept what is compiled of one state of a package; None where nothing is kept.
+    Return the folder for the compiled code of one state of a package; None if there is none.
 
     It is a folder of $NUMBA_CACHE_DIR, or of the user's caches: the same for every environment
     that has this state. `name` is the package's; of older states of it some are kept.

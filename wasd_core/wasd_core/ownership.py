@@ -29,8 +29,9 @@ def why_foreign(path: str) -> str:
     """
     Return why another user could change what a path leads to, naming it or a folder above.
 
-    '' where none could: links are followed, and what is not there yet counts by what is above.
-    In a folder such as /tmp, whose sticky bit keeps what is others', only one's own part counts.
+    '' where none could. Links are followed; for a path that does not exist yet the folders above
+    count. A sticky folder above, of root or us, such as /tmp, is safe: others cannot replace our
+    files in it.
     """
     real = here = os.path.realpath(path)
     while True:

@@ -239,7 +239,7 @@ def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
 
 
 def is_utf8(text: str) -> bool:
-    """Whether a text is one: names of files need not be."""
+    """Whether a text can be encoded in UTF-8; the names of some files cannot."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -262,7 +262,8 @@ def numeric_ends(field: 'dataclasses.Field[Any]') -> tuple[Any, Any]:
     """
     Return the smallest and the largest number that people may give, tuples for a list of numbers.
 
-    An open end is infinite; an excluded one is the next number inside; 0 as a word is one.
+    An open end is infinite. An excluded bound gives the next number inside. With `or_zero` a
+    minimum counts as 0.
     """
     meta = as_given(field.metadata)
     low, high = meta['minimum'], meta['maximum']

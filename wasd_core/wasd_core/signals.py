@@ -21,7 +21,7 @@ SUSPENDING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 UNSTOPPABLE = (signal.SIGKILL, signal.SIGSTOP)
 # All that would end a process on the spot, and that can be caught.
 DEADLY = tuple(sorted(signal.valid_signals() - {*FAULTS, *HARMLESS, *SUSPENDING, *UNSTOPPABLE}))
-# Who sends these wants to see the process die of them, with its memory for a debugger.
+# The sender of these wants the process to die of the signal, and to leave a core dump.
 DUMPING = (signal.SIGQUIT, signal.SIGABRT, signal.SIGTRAP, signal.SIGSYS, signal.SIGXCPU)
 # So long may a program take to let go of ROS [s].
 GOODBYE = 10.0
@@ -169,7 +169,7 @@ def leave(status: int) -> NoReturn:
 
 
 def last_status(stop: StopSignals) -> int:
-    """Return the exit status of a process that does not die here, as of some signals it does."""
+    """Die of a signal of DUMPING if one came; else return the exit status."""
     if stop.number in DUMPING:
         signal.signal(stop.number, signal.SIG_DFL)
         signal.raise_signal(stop.number)

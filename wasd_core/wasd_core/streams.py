@@ -179,7 +179,7 @@ def prepare_streams() -> None:
 
 def never_wait() -> None:
     """
-    Have no write to standard output or error wait for a reader from now on.
+    Let no write to standard output or error wait long for a reader from now on.
 
     A terminal or pipe is opened again for that: the old opening is shared with the shell, which is
     not to find it changed. So ROS' log, which is written past us, does not wait either.

@@ -72,7 +72,7 @@ class Watchdog:
         self.age += max(dt, 0.0)
 
     def reset(self) -> None:
-        """Be as if the source had never been heard."""
+        """Forget that the source was ever heard."""
         self.age = math.inf
 
 

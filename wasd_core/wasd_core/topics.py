@@ -48,7 +48,7 @@ TF = QoSProfile(depth=100)
 TF_STATIC = LATCHED
 
 
-# Full names of topics that somebody follows who is no node of ROS, and no recording.
+# Full names of the topics that a Foxglove client follows; it is no ROS node.
 FOLLOWED: set[str] = set()
 
 
@@ -56,7 +56,7 @@ def has_listener(publisher: Any) -> bool:
     """
     Whether a message would reach anybody; making and publishing one costs 50 us and more.
 
-    For topics without latching, whose messages nobody gets who comes later.
+    Only for topics without latching: a late subscriber gets none of the earlier messages.
     """
     return bool(publisher.get_subscription_count())
 

@@ -26,7 +26,8 @@ SILENCE = 0.5
 PATIENCE = 10.0
 # The driver plans on a map that is at most so old [s]: drawing one takes as long as 20 steps.
 LOOK_PERIOD = 1.0
-# Who is stuck has been so on the way to this goal, not to the one before [s].
+# The robot counts as stuck only this long after a goal came [s]: before that it may have got stuck
+# on the way to the last goal.
 STUCK_AFTER = 2.5
 # Odometry that has moved more than this, and than so fast, has been set again [m], [rad], [m/s].
 LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
@@ -228,7 +229,7 @@ class Navigator:
 
     def reset(self) -> None:
         """Begin again."""
-        self.cancel('all begins anew')
+        self.cancel('the map begins again')
         self.locator.reset()
         self.pilot.reset()
         self.outcome, self.scans = None, 0

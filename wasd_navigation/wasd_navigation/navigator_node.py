@@ -218,7 +218,7 @@ class NavigatorNode(Node):
         self.navigation.stop('the mux is gone')
 
     def _look_who_is_heard(self, dt: float) -> None:
-        """Stop who speaks to a mux that does not listen: it would drive off when that changes."""
+        """Stop when the mux does not relay us: the robot would drive off when that changes."""
         is_relayed = self._selected in (None, SOURCE)
         self._unheard = 0.0 if is_relayed or self.navigator.goal is None else self._unheard + dt
         if self._unheard > HEARD_WITHIN:

@@ -21,10 +21,10 @@ from mujoco_sim.sensors.mount import Fields, Random, Site
 from mujoco_sim.sensors.tags import legal_topic, SensorTag, TagReader
 from robot_description import sensor_tags
 
-# What is there to be looked at only is not there for a lidar: it sees the same without a viewer.
+# Rays ignore geoms that are only drawn: a lidar measures the same with and without a viewer.
 SEEN_GROUPS = np.array([group != VISUAL_GROUP for group in range(mujoco.mjNGROUP)], dtype=np.uint8)
-# A material of which this is a part of the name is glass: a ray goes through, but for one that
-# meets it at less than this angle to its normal, which comes back [rad].
+# A material with this in its name is glass. A ray goes through it, unless the angle of the ray to
+# the normal is less than this [rad]: then the ray comes back.
 GLASS, MIRROR = 'glass', math.radians(10.0)
 MOST_PANES, BEHIND = 8, 1e-4  # that a ray goes through; how far behind one it goes on [m]
 # Rays are cast together that are no more than so long apart [s]: the world stands still meanwhile,
@@ -100,7 +100,7 @@ def read_lidar(reader: TagReader) -> LidarTag:
     """
     Return what a tag says of a lidar.
 
-    One that names a `model` of LIDAR_MODELS has of that what the tag does not say itself.
+    A tag with a `model` of LIDAR_MODELS takes from it what the tag itself does not say.
     """
     if reader.number('scan/vertical/samples', 1) > 1:
         reader.notes.append(f'sensor {reader.name!r}: only one of its rows of rays is simulated')

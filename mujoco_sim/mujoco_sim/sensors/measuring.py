@@ -200,7 +200,7 @@ class _SensorTopics:
                 self.topics[place] = SensorTopic(name, kind, tag.frame, mount)
 
     def wanted(self) -> dict[str, list[Receive]]:
-        """Return who wants something now, by the fields of the tag; nothing that nobody wants."""
+        """Return the receivers that want something now, by field of the tag; no empty lists."""
         found = {
             place: [receive for receive, wants in topic.listeners if wants()]
             for place, topic in self.topics.items()

@@ -32,7 +32,7 @@ def publish_sensors(node: Node, sensors: Sensors) -> None:
 
 
 def _publish_topic(node: Node, topic: SensorTopic) -> None:
-    # Who is listened to holds the listener: that must not hold the topic.
+    # The topic holds its listener, `publish`: so `publish` must not hold the topic.
     is_large, frame = topic.kind in LARGE, topic.frame
     topic_kind = topic.kind
     message_type = getattr(sensor_msgs.msg, topic.kind)

@@ -35,7 +35,7 @@ class Turns:
         """Take that a browser waits no more: it has gone, or has got control."""
         with self._lock:
             self._asked.pop(browser, None)
-            # Nobody has taken what was given: take it back, so that the next who asks waits, too.
+            # If no browser waits any more, nothing is given: the next one that asks has to wait.
             self._is_given &= bool(self._asked)
 
     def touch(self) -> None:

@@ -159,7 +159,7 @@ class Gait:
         calm = self._pace_of(speed)
         share = calm + _LIGHTNESS * (share - calm)
         duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
-        # Who is to end on four feet needs a moment in which all stand.
+        # A robot that is to stop on four feet needs a moment in which all of them stand.
         least = 0.0 if wants_steps else duty_to_rest(self._offsets)
         self._duty = min(max(duty + longer, least), DUTY_MAX)
 

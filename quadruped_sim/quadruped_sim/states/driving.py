@@ -120,7 +120,7 @@ class State(ABC):
         spares_motors: bool = True,
     ) -> JointCommand:
         """
-        Have the feet of `is_stance` (4,) give the base an `acceleration` (6,), world axes.
+        Give the base an `acceleration` (6,), world axes, by the feet of `is_stance` (4,).
 
         `led` (4, 3) [m/s^2] are the accelerations of the other feet. Level ground is taken.
         `spares_motors` is as in `WholeBody.solve`.

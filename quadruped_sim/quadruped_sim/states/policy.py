@@ -152,7 +152,7 @@ class Policy(Trotting):
         return getattr(self._walker, 'due_after', 0.0)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
-        """Go to the pose, or have the walker walk."""
+        """Go to the pose, or let the walker walk."""
         self._time += dt
         if self._time < SETTLE_TIME:
             share = smooth(self._time / SETTLE_TIME)
@@ -166,7 +166,7 @@ class Policy(Trotting):
         return self._held
 
     def _walk(self, robot: RobotState, dt: float) -> JointCommand:
-        """Have the walker step, `dt` [s] after the step before."""
+        """Step the walker, `dt` [s] after its last step."""
         self._read_command()
         asked = self._parts.command_filter
         asked.velocity = None

@@ -299,7 +299,7 @@ def check_wheels(model: Model) -> Iterator[Finding]:
 
 
 def check_footprint(model: Model) -> Iterator[Finding]:
-    """A robot on two wheels, which is a point on the ground to those who drive it, has that."""
+    """A robot on two wheels has its root on the ground, or else a link `base_footprint`."""
     wheels = find_wheels(model)
     bottom = min((wheel.z - wheel.radius for wheel in wheels), default=0.0)
     if len(wheels) == 2 and abs(bottom) > ON_GROUND and FOOTPRINT not in model.links:

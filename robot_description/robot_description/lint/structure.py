@@ -237,7 +237,7 @@ def _in_circles(model: Model) -> set[str]:
 
 
 def check_joints(model: Model) -> Iterator[Finding]:
-    """Joints are called so, have a type, both ends, an axis, and limits where they need them."""
+    """A joint has the tag `joint`, a type, both ends, an axis and the limits that it needs."""
     for tag in _almost_joints(model):
         text = f'<{tag.tag}> {tag.name!r} joins links, but is no tag of URDF'
         yield finding('bad-joint', tag.place, text, 'write <joint>')

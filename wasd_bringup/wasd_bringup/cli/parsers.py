@@ -144,7 +144,9 @@ def add_describe_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd describe`."""
     kinds = ('policy', *describe_command.COMMANDS)
     parser.add_argument(
-        'kind', choices=kinds, help='of a network: policy; those below: see describe info --help'
+        'kind',
+        choices=kinds,
+        help='policy: a network; for the other kinds see describe info --help',
     )
     parser.add_argument(
         'path', type=_path, metavar='FILE', help='an ONNX or TorchScript file, or ours'

@@ -199,7 +199,7 @@ class _Command:
 
 def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:
     """
-    Have the desktop open a page in its browser; return whether there is a desktop to ask.
+    Open a page in the desktop's browser; return False if there is no desktop.
 
     A display that is forwarded over SSH is none: the page is not on the machine that shows it.
     """

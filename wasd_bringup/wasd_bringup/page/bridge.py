@@ -147,7 +147,7 @@ class CockpitBridge:
             watched.sample(pace)
 
     def note_key(self, key: str) -> None:
-        """Take that a key was pressed, held or released, by whomever."""
+        """Note that a source pressed, holds or released a key."""
         event, base = split_event(key)
         if event == RELEASE:
             self._pressed.pop(base, None)

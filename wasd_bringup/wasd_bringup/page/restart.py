@@ -99,7 +99,7 @@ def _end(words: Sequence[str]) -> int:
 
 def become(words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
     """Become the process of a new run."""
-    print(f'starting anew: {called()} {shlex.join(words)}')
+    print(f'restarting: {called()} {shlex.join(words)}')
     sys.stdout.flush()
     sys.stderr.flush()
     program = (sys.executable, '-P', '-m', 'wasd_bringup.cli', *words)

@@ -266,7 +266,7 @@ class FoxgloveDriver:
         """Say nothing again: a client that is silent drives no more."""
 
     def disarm(self) -> None:
-        """Stop what clients drive, and take nothing of what they hold."""
+        """Ignore what clients have sent so far."""
         self._server.inbox.disarm()
 
     def close(self) -> None:

@@ -13,7 +13,8 @@ from wasd_bringup.run.robot import Robot
 Velocity = tuple[float, float, float]
 # A client that moves a robot is to be heard so often [s of wall time].
 SILENCE = 0.5
-# When we have stood still, what comes in so long after it is of before [s].
+# Messages that come within this time after a pause of this process, or after `disarm`, are from
+# before it [s].
 AFTERMATH = 0.25
 # Messages taken at a look, and kept between two looks, at most; and bytes of one.
 AT_ONCE = 200
@@ -78,10 +79,10 @@ class _Client:
             robot.drivers.disarm(self._name)
 
     def step(self, dt: float) -> None:
-        """Let `dt` [s] pass: who is silent drives no more, and has let go."""
+        """Let `dt` [s] pass; release the client if it is silent."""
         self._heard.step(dt)
         if dt > SHORTEST_ABSENCE:
-            # It was we who heard nothing: its silence counts from now on.
+            # This process stood still, not the client: its silence counts from now.
             for target in self._targets:
                 target.robot.disarm(self._name)
             self.hear()
@@ -99,8 +100,8 @@ class Inbox:
     The server's listener: its threads put in what clients do, `step` takes it out.
 
     A client moves a robot only while it is heard every SILENCE [s] and stays connected. What
-    waited while this process stood still is not taken. After a `halt` velocities of a client count
-    when it has sent a zero, or nothing for SILENCE.
+    waited while this process stood still is not taken. After `disarm` the velocities of a client
+    count again once it has sent a zero, or nothing for SILENCE.
     """
 
     def __init__(self, decode: Decode) -> None:
@@ -136,7 +137,7 @@ class Inbox:
             self._events.put((client.id, channel_id, data))
 
     def receive_for(self, targets: Sequence[Target]) -> None:
-        """Say who is driven; nothing is taken before."""
+        """Set the robots that clients drive; before that no message counts."""
         self._targets = targets
 
     def subscriptions(self) -> Iterator[tuple[str, int, bool]]:
@@ -158,7 +159,7 @@ class Inbox:
         return refused[-1:]
 
     def disarm(self) -> None:
-        """Take nothing of what has come."""
+        """Ignore what has come so far."""
         self._deaf = AFTERMATH
 
     def stop(self) -> None:

@@ -40,7 +40,7 @@ class PadDriver:
             output=PadOutput(self._drive, press, self._say),
             pad=PadParameters(device=device, preset=robots[self._driven].pad_preset),
         )
-        self.disarm = self.node.halt
+        self.disarm = self.node.disarm
         self.close = self.node.close
         self.look()
 

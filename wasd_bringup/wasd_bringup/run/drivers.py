@@ -9,9 +9,10 @@ from typing import NamedTuple, Protocol
 from teleop_keyboard.hold import LONGEST_FIRST_TIMEOUT
 from wasd_core.timing import HELD, RELEASE, split_event
 
-# What is silent for longer than the slowest keyboard before its first repeat was let go [s].
+# A key or a velocity counts as released after a silence longer than the slowest keyboard's before
+# its first repeat [s].
 SILENCE = LONGEST_FIRST_TIMEOUT
-# Who has asked for the robot within this time, and does not drive, is told [s].
+# `DriverState.asks` names the sources that asked within this time and do not drive [s].
 ASKED_LATELY = 1.0
 # The source that holds a latched stop; it drives nothing, and nobody takes over from it.
 E_STOP = 'e-stop'
@@ -172,7 +173,7 @@ class Drivers:
 
     def disarm(self, source: str = '') -> Held:
         """
-        Let nothing that a source, or any, holds now count until it was released and pressed again.
+        Ignore what a source, or every source, holds now until it is released and pressed again.
 
         Return what moved the robot until now.
         """

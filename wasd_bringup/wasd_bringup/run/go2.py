@@ -51,7 +51,7 @@ LIDAR_NEEDED = (
 PIT = 2.0
 # States in which the robot is being driven.
 DRIVEN = (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY)
-# The key that has the policy walk, and the one that lets go of the legs.
+# The keys of the states policy and passive.
 POLICY = next(key for key, state in STATE_KEYS.items() if state is StateName.POLICY)
 PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
 

@@ -147,7 +147,7 @@ class NavigationDriver:
                 tell(now, dt)
 
     def disarm(self) -> None:
-        """Drive no more."""
+        """Cancel the present goal, exploring, and every goal that waits."""
         self._cancel('stopped by hand', also_refused=True)
 
     def save(self) -> None:

@@ -158,7 +158,7 @@ class RunOptions:
 
 def keep_alone() -> None:
     """
-    Have what is initialised next talk to no other process, whatever the environment says.
+    Let ROS talk to no other process once it is initialised, whatever the environment says.
 
     An experiment is to be repeated: not even another run on this machine may join it.
     """
@@ -169,8 +169,8 @@ def choose_range(asked: str | None, is_experiment: bool) -> None:
     """
     Set the range of a run: as asked, else off for an experiment, else what the user has set.
 
-    Who has set nothing keeps to this machine, by `init_ros`: a classroom shares a network, and
-    nobody is to drive the neighbour's robot by accident. Asked for by name, that holds whatever
+    If the user has set nothing, `init_ros` keeps ROS on this machine: in a classroom that shares a
+    network nobody drives a neighbour's robot by accident. `localhost` asks for the same, whatever
     the environment says.
     """
     if asked == 'localhost':

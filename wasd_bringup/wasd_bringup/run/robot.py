@@ -34,7 +34,7 @@ Velocity = tuple[float, float, float]
 FullVelocity = tuple[float, float, float, float]
 
 STANDSTILL = (0.0, 0.0, 0.0)
-# Who sends it may not know that the robot was stopped.
+# The sender may not know that the robot was stopped.
 REFUSED = 'stop the publisher of {}, or send a zero (refused since E-STOP)'
 HOLDS = 'ENTER releases E-STOP (by the {})'
 # Zeros that end it all are told so often: one may be lost.
@@ -240,7 +240,7 @@ class Robot(ABC):
         return held.keys or held.velocity
 
     def disarm(self, by: str = '') -> None:
-        """Ignore what a source, or any, holds now, and end its motion."""
+        """Ignore what a source, or every source, holds now, and end its motion."""
         self._end(self.drivers.disarm(by))
 
     def e_stop(self, by: str) -> None:

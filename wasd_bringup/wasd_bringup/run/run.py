@@ -80,8 +80,8 @@ class KeySwitch:
 @dataclass
 class Listeners:
     """
-    Who hears of keys, of looks at the viewer, of a stop of all that is held, of an e-stop before
-    its keys, of the end.
+    Callbacks: for a key, for a look at the viewer, for `disarm`, for an e-stop (before its keys
+    are pressed), for the end.
 
     A look comes with the wall time, and with the time between two frames of the viewer [s].
     """

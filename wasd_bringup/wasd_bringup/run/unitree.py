@@ -103,7 +103,7 @@ class UnitreeDriver:
         """Nothing: the robot steps it."""
 
     def disarm(self) -> None:
-        """Let nothing that a program commands now count."""
+        """Ignore what programs command now."""
         self.bridge.disarm()
 
     def close(self) -> None:

@@ -111,7 +111,7 @@ class Robot:
 
 
 class World:
-    """Chooses; nothing happens until `start anew` is pressed."""
+    """Chooses a robot and a world; only `restart` applies the choice."""
 
     def __init__(self) -> None:
         self._chosen: dict[str, str] = {}
@@ -127,8 +127,8 @@ class World:
         same = '' if chosen != now else 'this is the present run: choose another robot or world'
         imgui.Spacing()
         if page.widgets.button(
-            'start anew',
-            'start anew',
+            'restart',
+            'restart',
             (columns(1), 28.0),
             fill=style.COMMAND if chosen != now else None,
             refusal=start.refusal or same,

@@ -235,7 +235,7 @@ class Mapper:
         before = compose(tracker.pose, inverse(move))
         self._since = add_covariance(self._since, before, move, tracker.move_growth)
         fit = tracker.fit(self._local, surface.points)
-        # Who has come fits nothing.
+        # Hits that `Comers` left out, such as people, fit nothing.
         share = fit.share * self._left_in
         is_fit = share >= LEAST_SHARE or self._fits_what_is_known(surface, fit)
         self._misfits = 0 if is_fit or len(surface.points) < FEWEST else self._misfits + 1

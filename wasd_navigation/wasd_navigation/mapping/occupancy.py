@@ -82,7 +82,7 @@ class Canvas:
         self._grow(np.array((left, low)), np.array((right, high)))
 
     def _grow(self, low: np.ndarray, high: np.ndarray) -> None:
-        """Have all cells (x, y) from one on up to another one, too."""
+        """Enlarge the grid so that it has all cells (x, y) from `low` to before `high`."""
         size = np.array(self._odds.shape[::-1])
         end = self._corner + size
         margin = round(GROWTH / self._resolution)

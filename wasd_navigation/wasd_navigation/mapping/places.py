@@ -240,7 +240,7 @@ class Drawing:
         """Forget everything."""
         self._canvas, self._next = Canvas(self._resolution), Canvas(self._resolution)
         self._where, self._next_where = np.zeros((0, 3)), np.zeros((0, 3))
-        self._is_anew = False
+        self._is_redrawing = False
         self._grid: tuple[int, Grid] | None = None
         self.revision += 1
 
@@ -275,21 +275,21 @@ class Drawing:
     def see_moves(self, places: Places) -> None:
         """Begin to draw again if places have moved since they were drawn."""
         moved = np.abs(places.poses[: len(self._where)] - self._where)
-        if not self._is_anew and (moved > (LEAST_MOVE, LEAST_MOVE, LEAST_TURN)).any():
-            self._is_anew = True
+        if not self._is_redrawing and (moved > (LEAST_MOVE, LEAST_MOVE, LEAST_TURN)).any():
+            self._is_redrawing = True
             self._next.clear()
             self._next_where = np.zeros((0, 3))
 
     def work(self, places: Places, noise: Noise) -> None:
         """Draw some places again, and show them when all are drawn."""
-        if not self._is_anew:
+        if not self._is_redrawing:
             return
         end = min(len(places), len(self._next_where) + PORTION)
         self._next_where = _draw(self._next, self._next_where, places, noise, end)
         if end == len(places):
             self._canvas, self._next = self._next, Canvas(self._resolution)
             self._where, self._next_where = self._next_where, np.zeros((0, 3))
-            self._is_anew = False
+            self._is_redrawing = False
             self.revision += 1
 
 

@@ -130,12 +130,12 @@ class Driver:
         self._seen_for, self._known = 0.0, 0.0
         if before is None:
             self._sampler.reset()
-        self._start_anew()
+        self._restart()
 
     def _route_to(self, goal: np.ndarray, may_be_unknown: bool) -> Route:
         return Route(goal, self._footprint, self._base, self._parameters, may_be_unknown)
 
-    def _start_anew(self) -> None:
+    def _restart(self) -> None:
         """Forget how far it came: count time without progress from now."""
         self._docking: Docking | None = None
         self._least_left, self._no_nearer = math.inf, 0.0
@@ -327,7 +327,7 @@ class Driver:
             self._held_back -= dt
             self._refused_for += dt
             return False
-        # Each step does one thing: whoever presses a key meanwhile must not wait for all of them.
+        # Each step does one part of the work: a key pressed meanwhile must not wait for all of it.
         if not self._is_checked:
             self._is_checked = True
             reason = route.refusal(self._around)

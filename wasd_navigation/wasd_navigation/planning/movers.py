@@ -98,7 +98,7 @@ class Movers:
         """
         Rows (x, y, vx, vy, radius) [m], [m/s] of those who may move, shape (n, 5).
 
-        Who has moved a short while ago may turn where he stands, and walk on.
+        A person or robot that moved a short while ago may turn on the spot and go on.
         """
         rows = []
         for one in self._tracks:
