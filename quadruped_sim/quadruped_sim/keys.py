@@ -42,6 +42,8 @@ STATE_KEYS = {
     'p': StateName.POLICY,
 }
 
+# States that follow velocities.
+FOLLOWING = (StateName.MOVE_BASE, StateName.POLICY)
 # Keys that leave each state.
 TRANSITIONS = {
     StateName.PASSIVE: '26',

@@ -17,6 +17,7 @@ from quadruped_sim.estimation.kalman import Footing, KalmanEstimator
 from quadruped_sim.estimation.load import feel_ground, LoadObserver, TouchRules
 from quadruped_sim.keys import (
     EYES_KEY,
+    FOLLOWING,
     GAIT_KEYS,
     GET_UP_KEYS,
     KeyWords,
@@ -43,8 +44,6 @@ _UP = np.array((0.0, 0.0, 1.0))
 _NO_FOOT = np.zeros(4)
 # What is told who presses p without a policy.
 NO_POLICY = 'start with --policy FILE (there is no policy to play)'
-# States that velocities drive.
-_DRIVEN = (StateName.MOVE_BASE, StateName.POLICY)
 # States that need no fresh readings, and keys that lead to them.
 _HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
 _HELD_KEYS = '127'
@@ -316,7 +315,7 @@ class LegController:
 
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""
-        if self._machine.state not in _DRIVEN:
+        if self._machine.state not in FOLLOWING:
             if vx == vy == yaw_rate == 0.0:
                 return None  # it moves as it is asked to
             if self._lies_fallen:

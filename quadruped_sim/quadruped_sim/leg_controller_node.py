@@ -43,7 +43,6 @@ from wasd_core.topics import (
 
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.elevation_publisher import CloudInput, ElevationPublisher
-from quadruped_sim.leg_controller import LegController
 from quadruped_sim.legs import Legs, load_policy
 from quadruped_sim.parameters import leg_controller, LegNodeParameters
 from quadruped_sim.readings import Readings
@@ -107,16 +106,10 @@ class LegControllerNode(Node):
             self._clouds = CloudInput(self, description.robot, self._wants_map, self._on_map)
             self.readings = self._listen()
 
-    @property
-    def controller(self) -> LegController:
-        """What walks."""
-        return self.legs.controller
-
-    def publish(self, stamp: Time | None = None) -> None:
-        """Publish odom and /tf with one stamp, or now; state and gait when they have changed."""
+    def publish(self, stamp: Time) -> None:
+        """Publish odom and /tf with one stamp; state and gait when they have changed."""
         self._absence.beat()
         self._tell_keys()
-        stamp = stamp or self.get_clock().now().to_msg()
         message = self.odometry(stamp) if has_listener(self._odometry) else None
         if message is not None:
             self._odometry.publish(message)
@@ -136,12 +129,12 @@ class LegControllerNode(Node):
         self._seen = elevation
         self.heights.publish_map(elevation, self.frames[0], stamp)
 
-    def odometry(self, stamp: Time | None = None) -> Odometry | None:
+    def odometry(self, stamp: Time) -> Odometry | None:
         """Return odom as `publish` publishes it, of now; None before there is any."""
         state = self.legs.odometry
         if state is None:
             return None
-        return to_odometry(state, *self.frames, stamp or self.get_clock().now().to_msg())
+        return to_odometry(state, *self.frames, stamp)
 
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""

@@ -154,19 +154,14 @@ def foot_positions(leg: LegGeometry, angles: np.ndarray) -> np.ndarray:
     return leg_motion(leg, angles, np.zeros(12)).position
 
 
-def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarray, bool]:
+@jit
+def solve_leg(leg: LegGeometry, index: int, foot: np.ndarray | Three) -> tuple[np.ndarray, bool]:
     """
     Joint angles (3,) [rad] that bring one foot to `foot` (3,) in base axes.
 
     A target out of reach is brought to the nearest radius the leg can have; the second value is
     False then.
     """
-    return solve_leg(plain(leg), index, foot)
-
-
-@jit
-def solve_leg(leg: LegGeometry, index: int, foot: np.ndarray | Three) -> tuple[np.ndarray, bool]:
-    """Compiled `leg_angles`."""
     leg = LegGeometry(*leg)
     offset, drop, bend = leg.offset[index], leg.drop[index], leg.bend[index]
     thigh, calf = leg.thigh[index], leg.calf[index]
@@ -195,4 +190,4 @@ def solve_leg(leg: LegGeometry, index: int, foot: np.ndarray | Three) -> tuple[n
 
 def all_leg_angles(leg: LegGeometry, feet: np.ndarray) -> np.ndarray:
     """Joint angles (12,) [rad] that bring all feet to `feet` (4, 3) in base axes."""
-    return np.concatenate([leg_angles(leg, index, feet[index])[0] for index in range(4)])
+    return np.concatenate([solve_leg(plain(leg), index, feet[index])[0] for index in range(4)])

@@ -15,7 +15,7 @@ from wasd_core.timing import NO_PRESS, Notice
 from quadruped_sim.compilation import compile_once, warm_up
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.height_scan import known_scan
-from quadruped_sim.keys import StateName, StickValues
+from quadruped_sim.keys import FOLLOWING, StateName, StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
@@ -161,7 +161,7 @@ class Legs:
     def forget_velocity(self) -> bool:
         """Follow the last velocity no more; return whether it was moving the robot."""
         asked = self.controller.command_filter
-        was_driven = self.state in (StateName.MOVE_BASE, StateName.POLICY) and not asked.is_silent
+        was_driven = self.state in FOLLOWING and not asked.is_silent
         asked.forget_request()
         return was_driven
 

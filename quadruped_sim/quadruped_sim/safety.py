@@ -88,7 +88,7 @@ class Safety:
 
     def is_fallen(self, R: np.ndarray) -> bool:
         """Whether the base is tilted too far to stand."""
-        return math.acos(min(max(R.item(8), -1.0), 1.0)) > self.params.tilt_max
+        return self.tilt(R) > self.params.tilt_max
 
     def reason_to_let_go(
         self, R: np.ndarray | None, joint_position: np.ndarray, failures_in_a_row: int

@@ -27,8 +27,8 @@ def make_node(**values):
 
 def test_the_node_alone_plays_the_network_that_it_names(ros):
     node = make_node(policy='ours')
-    assert node.controller.has_policy
-    assert not make_node().controller.has_policy
+    assert node.legs.controller.has_policy
+    assert not make_node().legs.controller.has_policy
 
 
 @pytest.mark.parametrize(

@@ -315,7 +315,7 @@ def test_legs_that_it_is_given_take_its_parameters(spawn, go2):
 
 def test_guides_limits_are_a_parameter(spawn):
     node = spawn(LegControllerNode(parameter_overrides=[Parameter('limits', value='guide')]))
-    assert node.controller.command_filter.limits.forward == 0.4
+    assert node.legs.controller.command_filter.limits.forward == 0.4
 
 
 @pytest.mark.parametrize(

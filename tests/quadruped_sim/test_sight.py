@@ -67,7 +67,7 @@ class Looker:
             self.sight.look(self.position, PERIOD)
             command = np.array((speed, 0.0, 0.0))
             arrays = self.robot, self.flat_feet, self.ground.flat, self.sight.flat
-            survey(*arrays, command, PERIOD)
+            survey(*arrays, command)
         return self.sight._state
 
     def land(self, *places, lift_off=None, height=0.05, phase=0.3):

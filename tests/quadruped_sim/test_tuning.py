@@ -79,8 +79,8 @@ def test_no_parameter_has_two_names():
 
 def test_a_value_that_is_given_is_the_controllers(make, trot):
     legs = make(gait__slow_period=0.6, gait__slow_duty=0.5, step_in_place=True)
-    trot(legs.controller)
-    schedule = legs.controller.locomotion.schedule
+    trot(legs.legs.controller)
+    schedule = legs.legs.controller.locomotion.schedule
     assert (schedule.stance_time, schedule.swing_time) == pytest.approx((0.3, 0.3))
 
 
@@ -160,16 +160,16 @@ def test_a_mistake_in_the_file_is_told_with_its_place(make, tmp_path, text, mess
 
 def test_a_running_node_takes_a_gait_period_from_the_next_tick(make, trot, spawn, spin_until):
     legs = make(step_in_place=True)
-    trot(legs.controller)
-    before = legs.controller.locomotion.schedule
+    trot(legs.legs.controller)
+    before = legs.legs.controller.locomotion.schedule
     client = spawn(Node('asking')).create_client(SetParameters, 'leg_controller/set_parameters')
     spin_until(spawn.pump, client.service_is_ready)
     change: ParameterMessage = Parameter('gait.slow_period', value=0.6).to_parameter_msg()
     answer = client.call_async(SetParameters.Request(parameters=[change]))
     spin_until(spawn.pump, answer.done)
     assert answer.result().results[0].successful
-    trot(legs.controller, ticks=2)
-    after = legs.controller.locomotion.schedule
+    trot(legs.legs.controller, ticks=2)
+    after = legs.legs.controller.locomotion.schedule
     assert after.stance_time == pytest.approx(0.6 / 0.45 * before.stance_time)
     assert legs.legs.settings.gait.slow_period == 0.6
 
@@ -178,21 +178,21 @@ def test_the_parameter_and_the_key_choose_the_same_gait(make):
     legs = make()
     (result,) = legs.set_parameters([Parameter('gait', value='walk')])
     assert result.successful
-    assert legs.controller.gait == 'walk'
+    assert legs.legs.controller.gait == 'walk'
     legs.keys.hear(String(data='n'))
-    assert legs.controller.gait == legs.get_parameter('gait').value == 'pace'
+    assert legs.legs.controller.gait == legs.get_parameter('gait').value == 'pace'
     legs.legs.reset()
-    legs.publish()
-    assert legs.controller.gait == legs.get_parameter('gait').value == 'trot'
+    legs.publish(legs.get_clock().now().to_msg())
+    assert legs.legs.controller.gait == legs.get_parameter('gait').value == 'trot'
 
 
 def test_the_eyes_are_a_parameter_that_follows_the_key(make):
     legs = make()
     (result,) = legs.set_parameters([Parameter('eyes', value=True)])
     assert result.successful
-    assert legs.controller.eyes
+    assert legs.legs.controller.eyes
     legs.keys.hear(String(data='e'))
-    assert not legs.controller.eyes
+    assert not legs.legs.controller.eyes
     assert legs.get_parameter('eyes').value is False
 
 

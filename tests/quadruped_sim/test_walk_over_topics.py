@@ -23,13 +23,13 @@ class Rig(topic_rig.Rig):
 
     def press(self, key, state):
         self.peer.press(key)
-        self.wait_until(lambda: self.node.controller._machine._due is not None)
+        self.wait_until(lambda: self.node.legs.controller._machine._due is not None)
         self.run(2 * PERIOD)
-        assert self.node.controller.state == state
+        assert self.node.legs.controller.state == state
 
     def drive(self, vx):
         self.peer.drive(vx)
-        filtered = self.node.controller.command_filter
+        filtered = self.node.legs.controller.command_filter
         self.wait_until(lambda: filtered._is_new)
 
 

@@ -111,18 +111,18 @@ def test_where_motors_cannot_hold_at_all_the_qp_is_solved_still(model, solve, rn
 
 
 def test_the_motors_that_it_reckons_with_are_the_simulated_ones(model):
-    limits = model.limits
-    curve = TorqueSpeedCurve(limits.effort, limits.velocity)
+    effort, no_load = model.limits.effort, model.limits.velocity
+    curve = TorqueSpeedCurve(effort, no_load)
     for share in np.linspace(-1.5, 1.5, 31):
-        velocity = share * limits.velocity
+        velocity = share * no_load
         simulated = curve.limits(velocity).T
-        np.testing.assert_allclose(motor_range(limits, velocity), simulated, atol=1e-9)
+        np.testing.assert_allclose(motor_range(effort, no_load, velocity), simulated, atol=1e-9)
 
 
 def test_a_motor_gives_all_at_rest_and_when_it_brakes_and_nothing_at_its_no_load_speed(model):
-    limits = model.limits
+    effort, no_load = model.limits.effort, model.limits.velocity
     for speed, share in ((0.0, 1.0), (0.6, 1.0), (0.8, 0.5), (1.0, 0.0), (2.0, 0.0)):
-        least, most = motor_range(limits, speed * limits.velocity)
-        np.testing.assert_allclose(most, share * limits.effort, atol=1e-9)
-        np.testing.assert_array_equal(least, -limits.effort)
-        np.testing.assert_array_equal(motor_range(limits, -speed * limits.velocity)[0], -most)
+        least, most = motor_range(effort, no_load, speed * no_load)
+        np.testing.assert_allclose(most, share * effort, atol=1e-9)
+        np.testing.assert_array_equal(least, -effort)
+        np.testing.assert_array_equal(motor_range(effort, no_load, -speed * no_load)[0], -most)

@@ -210,24 +210,9 @@ class KalmanEstimator:
         return np.asarray(self._estimate.x[1] - self._estimate.whirl)
 
     @property
-    def feet(self) -> np.ndarray:
-        """Foot centres in world (4, 3) [m]."""
-        return np.asarray(self._estimate.x[2:6])
-
-    @property
-    def acceleration_bias(self) -> np.ndarray:
-        """What the accelerometer reads too much, base axes (3,) [m/s^2]."""
-        return np.asarray(self._estimate.x[6])
-
-    @property
     def level(self) -> float:
         """Height of the ground that it is on, above that at the start [m]."""
         return float(self._estimate.level[0])
-
-    @property
-    def belief(self) -> np.ndarray:
-        """How far each foot was believed (4,)."""
-        return self._estimate.belief
 
     @property
     def variances(self) -> tuple[float, float]:

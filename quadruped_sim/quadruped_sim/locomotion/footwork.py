@@ -256,7 +256,7 @@ def step_feet(
     scheduled = schedule.is_stance, schedule.phase
     step = StepRule(*rules.step)
     rise = find_step_height(robot, own.plane, scheduled, legs.points, own.roughness, step)
-    survey(robot, feet, own.plane, own.sight, command, dt)
+    survey(robot, feet, own.plane, own.sight, command)
     sight = own.sight[0]
     frame = sight.tread.frame if sight.tread_share[0] > 0.0 else own.plane[0].frame
     feel_grip(robot, legs.is_loaded, frame, own.grip, GripRule(*rules.grip))

@@ -173,12 +173,7 @@ def _relief(sight: np.ndarray, x: float, y: float, reach: int) -> tuple[float, f
 
 @jit
 def survey(
-    robot: np.ndarray,
-    feet: np.ndarray,
-    ground: np.ndarray,
-    sight: np.ndarray,
-    command: np.ndarray,
-    dt: float,
+    robot: np.ndarray, feet: np.ndarray, ground: np.ndarray, sight: np.ndarray, command: np.ndarray
 ) -> None:
     """Find, after each look, plane and treads, how far the map is off, and the speed allowed."""
     own = sight[0]

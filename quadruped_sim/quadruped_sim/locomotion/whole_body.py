@@ -134,7 +134,7 @@ class WholeBody:
         torque, in_world, overtaxes = outcome(forces)
         if spares_motors and overtaxes:
             joints = np.flatnonzero(task.is_stance.repeat(3))
-            motors = motor_range(limits, state.joint_velocity)[:, joints]
+            motors = motor_range(limits.effort, limits.velocity, state.joint_velocity)[:, joints]
             free = outcome(np.zeros_like(forces))[0]
             slopes = np.array([outcome(unit)[0] - free for unit in np.eye(len(forces))])
             rows = slopes[:, joints].T, *(motors - free[joints])
@@ -150,17 +150,14 @@ class WholeBody:
         return (costs.wanted, False) if forces is None else (forces, True)
 
 
-def motor_range(limits: JointLimits, velocity: np.ndarray) -> np.ndarray:
+@jit
+def motor_range(effort: np.ndarray, no_load: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """
     Least and largest torque (2, 12) [N m] of motors that turn at `velocity` (12,) [rad/s].
 
-    One that drives gives its full torque up to a share of its no-load speed, and none at it.
+    One that drives gives its full `effort` [N m] up to a share of its no-load speed [rad/s], and
+    none at it.
     """
-    return _motor_range(limits.effort, limits.velocity, velocity)
-
-
-@jit
-def _motor_range(effort: np.ndarray, no_load: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     motors = np.empty((2, len(velocity)))
     for i in range(len(velocity)):
         left = (1.0 - abs(velocity[i]) / no_load[i]) / (1.0 - FULL_TORQUE_SHARE)
@@ -179,7 +176,7 @@ def _overtaxes(
     is_stance: np.ndarray,
 ) -> bool:
     """Whether a joint of a standing leg is to give a torque that its motor has not."""
-    motors = _motor_range(effort, no_load, velocity)
+    motors = motor_range(effort, no_load, velocity)
     for i in range(12):
         if is_stance[i // 3] and not motors[0, i] <= torque[i] <= motors[1, i]:
             return True

@@ -114,7 +114,7 @@ class Jump(OnFeet):
             return stiff_command(self._parts.model, position)
         if self._stage is Stage.PUSH:
             return self._push(robot)
-        return self._fly(robot) if self._stage is Stage.FLIGHT else self._land(robot)
+        return self._fly() if self._stage is Stage.FLIGHT else self._land(robot)
 
     def _begin(self, stage: Stage, robot: RobotState) -> None:
         self._stage, self._time = stage, 0.0
@@ -177,7 +177,7 @@ class Jump(OnFeet):
         # The motors shall not damp what they are to bring about.
         return command._replace(velocity=robot.joint_velocity.copy())
 
-    def _fly(self, robot: RobotState) -> JointCommand:
+    def _fly(self) -> JointCommand:
         """Fold the legs, then hold them ready, ahead of the hips as far as it flies on."""
         ahead, _, flight = self._take_off()
         is_ready = self._time > READY_SHARE * flight
