@@ -83,8 +83,9 @@ def test_it_imports_nothing_that_the_stand_in_would_hide():
         'launch.actions',
         'launch.substitutions',
         'launch_ros.actions',
-        'launch_ros.parameter_descriptions',
         'teleop_keyboard.parameters',
+        'wasd_bringup.ros.launch_parts',
+        'wasd_core.parameters',
     }
 
 

@@ -8,38 +8,22 @@ Every parameter of `keys_to_twist` is an argument. Neither a window nor xterm is
 gives a node no terminal on its input, and teleop opens /dev/tty.
 """
 
-import dataclasses
-
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 from teleop_keyboard.parameters import TeleopParameters
+from wasd_bringup.ros.launch_parts import parameter_argument, parameter_value
+from wasd_core.parameters import known_parameters
 
 TOPICS = ('cmd_vel', 'keys', 'odom', 'state')
 
 
-def declare_parameter(field):
-    """Return the launch argument of a parameter of keys_to_twist."""
-    choices = field.metadata['choices']
-    return DeclareLaunchArgument(
-        field.name,
-        default_value=str(field.default),
-        description=field.metadata['doc'],
-        choices=list(choices) if choices else None,
-    )
-
-
 def generate_launch_description():
     """Return the arguments and the one process, whose end is the end of the launch."""
-    fields = dataclasses.fields(TeleopParameters)
-    values = {
-        # A preset called 1.yaml stays text; numbers and switches become what YAML makes of them.
-        field.name: ParameterValue(LaunchConfiguration(field.name), value_type=type(field.default))
-        for field in fields
-    }
+    names = known_parameters(TeleopParameters)
     arguments = [
+        *(parameter_argument(TeleopParameters, name) for name in names),
         DeclareLaunchArgument(
             'stamped', default_value='auto', description='TwistStamped: true, false or auto.'
         ),
@@ -59,7 +43,7 @@ def generate_launch_description():
         output='screen',
         parameters=[
             {
-                **values,
+                **{name: parameter_value(TeleopParameters, name) for name in names},
                 'stamped': LaunchConfiguration('stamped'),
                 'use_sim_time': LaunchConfiguration('use_sim_time'),
             }
@@ -67,4 +51,4 @@ def generate_launch_description():
         remappings=[(name, LaunchConfiguration(name)) for name in TOPICS],
         on_exit=Shutdown(),
     )
-    return LaunchDescription([*map(declare_parameter, fields), *arguments, teleop])
+    return LaunchDescription([*arguments, teleop])

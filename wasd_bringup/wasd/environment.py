@@ -27,6 +27,7 @@ import numpy as np
 from policy_player.observations import Observer
 from policy_player.spec import PolicySpec, Term
 from quadruped_sim.height_scan import height_scan
+from quadruped_sim.leg_kinematics import LEGS
 from robot_description.description import Description, load_robot
 from wasd_core.arguments import check, checked
 from wasd_core.errors import suggest, UserError
@@ -35,7 +36,6 @@ from wasd_core.robot_io import BaseState, JointCommand, Senses
 from wasd_core.rotations import Pose, rpy_matrix
 
 NAME = 'wasd/Go2-v0'
-LEGS = ('FL', 'FR', 'RL', 'RR')
 DEFAULT = (0.0, 0.8, -1.6) * 4
 # What a network that is trained here is played with: 45 numbers, 50 Hz.
 SPEC = PolicySpec(

@@ -12,7 +12,7 @@ from typing import Any
 
 from mujoco_sim.parameters import NOTHING, SimulatorParameters, Untold
 from mujoco_sim.pictures import take_picture, Viewpoint
-from quadruped_sim.keys import STATE_KEYS, StateName
+from quadruped_sim.keys import FOLLOWING, STATE_KEYS, StateName
 from quadruped_sim.states.policy import Walker
 from wasd_bringup.cli.options import LONGEST_RUN, read_folders
 from wasd_bringup.robots import G1 as G1_ROW
@@ -25,8 +25,6 @@ from wasd_core.errors import one_line, UserError
 from wasd_core.parameters import shown
 from wasd_core.robot_io import BaseOdometry, BaseState
 
-# States that follow `drive`.
-DRIVEN = (StateName.MOVE_BASE, StateName.POLICY)
 # Where a picture is taken from: distance as a multiple of the robot's [m], angles [degrees].
 AZIMUTH, ELEVATION = 130.0, -20.0
 
@@ -286,14 +284,14 @@ class Go2(Robot):
             UserError: not finite, or the robot is in another state.
         """
         with self._alone('drive'):
-            if self._robot.legs.controller.coming_state not in DRIVEN:
+            if self._robot.legs.controller.coming_state not in FOLLOWING:
                 raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
             self._velocity = (vx, vy, wz)
 
     def _repeat(self) -> None:
-        if self._robot.legs.controller.coming_state not in DRIVEN:
+        if self._robot.legs.controller.coming_state not in FOLLOWING:
             self._velocity = None  # who comes back to such a state stands until it is driven
-        if self.state in DRIVEN:
+        if self.state in FOLLOWING:
             super()._repeat()
 
 

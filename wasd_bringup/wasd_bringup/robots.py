@@ -154,9 +154,9 @@ def robots_of(command: str) -> list[RobotRow]:
     return [row for row in ROBOTS.values() if row.place is not None]
 
 
-def preset_help(preset: str, layout: str = 'qwerty') -> tuple[str, ...]:
-    """Return the keys of a preset in words; those of `unitree` are no keymap's."""
-    return unitree_help(layout) if preset == UNITREE_PRESET else load_preset(preset).help_lines
+def preset_help(preset: str) -> tuple[str, ...]:
+    """Return the keys of a preset on qwerty in words; those of `unitree` are no keymap's."""
+    return unitree_help('qwerty') if preset == UNITREE_PRESET else load_preset(preset).help_lines
 
 
 def unitree_help(layout: str) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ from wasd_bringup.cli.parsers import (
     run_epilog,
     version,
 )
-from wasd_bringup.robots import BOTH, preset_help, ROBOTS, UNITREE_PRESET
+from wasd_bringup.robots import BOTH, ROBOTS, unitree_help, UNITREE_PRESET
 
 # Tests wait more than they compute; a module's runs are shared by its tests.
 WORKERS = (
@@ -164,7 +164,7 @@ def print_keys(arguments: argparse.Namespace) -> int:
             '\n'.join([*list_presets(), unitree, '', f'{called()} keys NAME prints one of them'])
         )
     elif arguments.preset == UNITREE_PRESET:
-        print('\n'.join(preset_help(UNITREE_PRESET, arguments.layout)))
+        print('\n'.join(unitree_help(arguments.layout)))
     else:
         keymap = describe_keymap(arguments.preset, arguments.layout, [UNITREE_PRESET])
         print('\n'.join(keymap))

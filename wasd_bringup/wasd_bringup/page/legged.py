@@ -5,14 +5,10 @@ from policy_player.joint_controller import State
 from wasd_cockpit.link import StickUse
 
 from wasd_bringup.page.robot_view import RobotView
-from wasd_bringup.run.legged import Legged
 
 
 class LeggedView(RobotView):
     """A controller of joints."""
-
-    def __init__(self, robot: Legged) -> None:
-        self._robot = robot
 
     def stick_use(self) -> StickUse:
         """Return what the stick does now."""

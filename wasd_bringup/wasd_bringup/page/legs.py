@@ -62,7 +62,7 @@ class LegsView(RobotView):
         onward = gaits.index(option) - gaits.index(self._controller.gait)
         # The shorter way round.
         steps, key = min((by * onward % len(gaits), key) for key, by in GAIT_KEYS.items())
-        return steps * (self._named(key),)
+        return steps * (self._robot.named(key),)
 
     def keys(self) -> tuple[KeyCap, ...]:
         """Return the keymap."""
@@ -70,14 +70,14 @@ class LegsView(RobotView):
         if self._robot.logic is not None:
             return states
         sticks = tuple(
-            KeyCap(self._named(key), f'stick {axis} {direction:+d}')
+            KeyCap(self._robot.named(key), f'stick {axis} {direction:+d}')
             for key, (axis, direction) in STICK_KEYS.items()
         )
         gaits = tuple(
-            KeyCap(self._named(key), 'next gait' if by > 0 else 'gait before')
+            KeyCap(self._robot.named(key), 'next gait' if by > 0 else 'gait before')
             for key, by in GAIT_KEYS.items()
         )
-        eyes = KeyCap(self._named(EYES_KEY), 'eyes')
+        eyes = KeyCap(self._robot.named(EYES_KEY), 'eyes')
         return (*states, *sticks, KeyCap(ZERO_KEYS[0], 'sticks centred'), *gaits, eyes)
 
     def stick_use(self) -> StickUse:
@@ -107,7 +107,7 @@ class LegsView(RobotView):
         for key, (axis, direction) in STICK_KEYS.items():
             if axis in wanted:
                 steps = round(wanted[axis] / STEP) - round(getattr(now, axis) / STEP)
-                keys += max(0, direction * steps) * [self._named(key)]
+                keys += max(0, direction * steps) * [self._robot.named(key)]
         return tuple(keys)
 
     def motion(self) -> Motion:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from teleop_keyboard.keymap import direction_words, factor_words, Keymap, on_layout
+from teleop_keyboard.keymap import direction_words, factor_words, Keymap
 from wasd_cockpit.link import Choice, Elevation, KeyCap, Marks, Order, Setting, Stick, StickUse
 
 from wasd_bringup.run.robot import Robot
@@ -36,7 +36,7 @@ class RobotView:
         return tuple(
             Choice(
                 choice.state,
-                Order('key', self._named(choice.key)),
+                Order('key', self._robot.named(choice.key)),
                 is_on=choice.is_on,
                 refusal=choice.refusal,
             )
@@ -57,7 +57,7 @@ class RobotView:
         caps = () if logic is None else keymap_caps(logic.keymap)
         taken = {cap.key for cap in caps}
         choices = self._robot.choices()
-        states = [KeyCap(self._named(choice.key), choice.state) for choice in choices]
+        states = [KeyCap(self._robot.named(choice.key), choice.state) for choice in choices]
         return (*(cap for cap in states if cap.key not in taken), *caps)
 
     def stick_use(self) -> StickUse:
@@ -88,10 +88,6 @@ class RobotView:
     def elevation(self) -> Elevation | None:
         """Return the heights that it has mapped around it; None before there are any."""
         return None
-
-    def _named(self, key: str) -> str:
-        """Return what the driver's keyboard calls a key."""
-        return on_layout(key, self._robot.options.layout)
 
 
 def keymap_caps(keymap: Keymap) -> tuple[KeyCap, ...]:

@@ -7,14 +7,10 @@ from wasd_core.rotations import yaw_matrix
 
 from wasd_bringup.page.robot_view import Motion, RobotView
 from wasd_bringup.robots import MODES
-from wasd_bringup.run.mbot import Mbot
 
 
 class WheelsView(RobotView):
     """A drive controller on two wheels."""
-
-    def __init__(self, robot: Mbot) -> None:
-        self._robot = robot
 
     def settings(self) -> tuple[Setting, ...]:
         """Return the drive's mode."""

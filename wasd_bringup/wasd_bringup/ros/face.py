@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run's face on ROS: its nodes, their clocks, and who drives over them."""
 
-from collections.abc import Sequence
 import functools
 import logging
 from typing import Any, cast, TYPE_CHECKING
@@ -189,8 +188,8 @@ class RosFaces(Face):
     def _nanoseconds(self) -> int:
         return round(self._run.world.time * 1e9)
 
-    def begin_instant(self, now: float) -> None:
-        """Set the nodes' clocks to a simulated time [s]."""
+    def begin_instant(self) -> None:
+        """Set the nodes' clocks to the simulated time."""
         self._set(self._clocks)
 
     def _set(self, clocks: list[ROSClock]) -> None:
@@ -212,10 +211,10 @@ class RosFaces(Face):
         """Publish on a schedule what the simulator knows of a robot."""
         self._of(robot).schedule_sensing(schedule)
 
-    def each_second(self, robots: Sequence[Robot]) -> None:
+    def each_second(self) -> None:
         """Publish how the controllers do."""
-        for robot in robots:
-            self._of(robot).simulator.publish_diagnostics(robot.state, robot.ticks)
+        for face in self.faces:
+            face.simulator.publish_diagnostics(face.robot.state, face.robot.ticks)
 
     def handle(self, timeout: float) -> None:
         """Take messages, waiting for them up to `timeout` [s]."""

@@ -22,7 +22,8 @@ from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
 from wasd_bringup.ros.foxglove_gate import Gate, secret_host
-from wasd_bringup.ros.foxglove_inbox import Decode, Inbox, Sender, Target, Velocity
+from wasd_bringup.ros.foxglove_inbox import Decode, Inbox, Sender, Target
+from wasd_bringup.run.robot import Velocity
 from wasd_bringup.tools.graph import find_type
 from wasd_bringup.tools.messages import fill, type_name
 from wasd_bringup.tools.recording.recorder import full_definition, IGNORED, PublisherTap

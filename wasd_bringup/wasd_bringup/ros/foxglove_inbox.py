@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 from wasd_core.errors import UserError
 from wasd_core.timing import SHORTEST_ABSENCE, Watchdog
 
-from wasd_bringup.run.robot import Robot
+from wasd_bringup.run.robot import Robot, Velocity
 
-Velocity = tuple[float, float, float]
 # A client that moves a robot is to be heard so often [s of wall time].
 SILENCE = 0.5
 # Messages that come within this time after a pause of this process, or after `disarm`, are from

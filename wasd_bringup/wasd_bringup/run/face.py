@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What tells others of a run, and takes what they ask for; this one has no others."""
 
-from collections.abc import Sequence
 import time
 from typing import TYPE_CHECKING
 
@@ -28,8 +27,8 @@ class Face:
     def begin(self) -> None:
         """Let others drive, too: all robots and navigators are there, nothing is scheduled."""
 
-    def begin_instant(self, now: float) -> None:
-        """Take the simulated time [s] of an instant."""
+    def begin_instant(self) -> None:
+        """Take the simulated time of an instant."""
 
     def look_who_drives(self) -> None:
         """Tell who drives each robot, where that has changed."""
@@ -40,7 +39,7 @@ class Face:
     def schedule_sensing(self, robot: Robot, schedule: Schedule) -> None:
         """Tell on a schedule what the simulator knows of a robot."""
 
-    def each_second(self, robots: Sequence[Robot]) -> None:
+    def each_second(self) -> None:
         """Tell how the controllers do; called once a second of wall time."""
 
     def handle(self, timeout: float) -> None:

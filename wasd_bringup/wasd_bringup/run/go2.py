@@ -11,14 +11,14 @@ from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import LONG_STEP, World
 import numpy as np
 from quadruped_sim.height_scan import known_scan
-from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
+from quadruped_sim.keys import FOLLOWING, KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
 from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.legs import Legs, load_policy
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.presets import LIMITS
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
-from teleop_keyboard.keymap import on_layout, on_qwerty
+from teleop_keyboard.keymap import on_qwerty
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.rotations import yaw_of
@@ -29,7 +29,7 @@ from wasd_bringup.run.elevation import RobotElevation
 from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions, TRUE_SCAN
 from wasd_bringup.run.report import Sample, TrunkWatch
-from wasd_bringup.run.robot import Robot, StateChoice, Velocity
+from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
 from wasd_bringup.run.walkers import load_walker
 
 
@@ -50,7 +50,7 @@ LIDAR_NEEDED = (
 # How far below the base the ground of a pit is told to be, which has none [m].
 PIT = 2.0
 # States in which the robot is being driven.
-DRIVEN = (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY)
+DRIVEN = (StateName.TROTTING, *FOLLOWING)
 # The keys of the states policy and passive.
 POLICY = next(key for key, state in STATE_KEYS.items() if state is StateName.POLICY)
 PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
@@ -142,7 +142,7 @@ class Go2(Robot):
 
     @property
     def _refusal(self) -> str:
-        if self.state in (StateName.MOVE_BASE, StateName.POLICY):
+        if self.state in FOLLOWING:
             return ''
         first = '' if self.state == StateName.FIXED_STAND else '2 to stand, then '
         return f'press {first}5 to move: it is {self.state}'
@@ -179,14 +179,10 @@ class Go2(Robot):
         """The keys, for the terminal and the page."""
         lines = unitree_help(self.layout)
         if self.legs.controller.has_policy:
-            lines = (*lines[:2], f'{self._policy_key} policy, from the stand', *lines[2:])
+            lines = (*lines[:2], f'{self.named(POLICY)} policy, from the stand', *lines[2:])
         if self.logic is None:
             return lines
         return (*self.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
-
-    @property
-    def _policy_key(self) -> str:
-        return on_layout(POLICY, self.layout)
 
     @property
     def first_keys(self) -> str:
@@ -204,7 +200,7 @@ class Go2(Robot):
     @property
     def stop_keys(self) -> tuple[str, ...]:
         """The keys that stop it and end every motion."""
-        return tuple(dict.fromkeys((on_layout(PASSIVE, self.layout), self.stop_key)))
+        return tuple(dict.fromkeys((self.named(PASSIVE), self.stop_key)))
 
     @property
     def odometry(self) -> BaseOdometry | None:
@@ -225,10 +221,6 @@ class Go2(Robot):
     def latches(self, key: str) -> bool:
         """Whether the motion of this key continues after its release."""
         return on_qwerty(key, self.layout).lower() in STICK_KEYS or super().latches(key)
-
-    def qwerty(self, key: str) -> str:
-        """Return the leg controller's name of a key, which is that of qwerty."""
-        return key if self.layout == 'qwerty' else on_qwerty(key, self.layout)
 
     def choices(self) -> tuple[StateChoice, ...]:
         """Return the states with keys."""
@@ -330,10 +322,7 @@ class Go2(Robot):
         if odometry is not None:
             ahead, left, _ = odometry.linear_velocity.tolist()
             measured = (ahead, left, float(odometry.angular_velocity[2]))
-        full = (limits.forward, limits.lateral, limits.yaw)
-        names = (('forward', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
-        rows = zip(names, command, measured, full, strict=True)
-        return tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
+        return axes_of(command, measured, (limits.forward, limits.lateral, limits.yaw))
 
     @property
     def _keys_are_velocities(self) -> bool:
@@ -344,12 +333,12 @@ class Go2(Robot):
         self.legs.e_stop()
 
     def _press(self, key: str, is_pressed: bool) -> None:
-        legs_key = self.qwerty(key)
+        legs_key = on_qwerty(key, self.layout)
         self.legs.answers = is_pressed
         self.legs.press(legs_key)
         super()._press(key, is_pressed)
         is_ours = legs_key not in STATE_KEYS and is_press(key)
-        if self._hints and self.state in DRIVEN[1:] and is_ours and is_pressed:
+        if self._hints and self.state in FOLLOWING and is_ours and is_pressed:
             self.notice.say(self._hints.press(key))
 
     def _key_words(self) -> KeyWords:
@@ -360,7 +349,7 @@ class Go2(Robot):
             elsewhere=frozenset(on_qwerty(key, self.layout) for key in keys),
             reset_key=RESET_KEY,
             help_key=HELP_KEY,
-            name=lambda key: on_layout(key, self.layout),
+            name=self.named,
         )
 
 

@@ -9,15 +9,15 @@ from policy_player.joint_controller import JointController, State, STATE_KEYS
 from policy_player.stands import g1_stand, is_g1, stand_of
 from robot_description.description import Description
 from robot_description.robot import Robot as RobotTree
-from teleop_keyboard.dashboard import Axis, driving_keys, Status
-from teleop_keyboard.keymap import on_layout, on_qwerty
+from teleop_keyboard.dashboard import driving_keys, Status
+from teleop_keyboard.keymap import on_qwerty
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.robot_io import JointStates, LEG_RATE, Reading
 from wasd_core.timing import is_press, Notice, STOP_KEY
 
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample
-from wasd_bringup.run.robot import Robot, StateChoice, Velocity
+from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
 from wasd_bringup.run.walkers import load_walker
 
 HOIST_KEY, HOIST = 'h', 'hoist'
@@ -73,16 +73,16 @@ class Legged(Robot):
     @property
     def first_keys(self) -> str:
         """The keys to press first."""
-        walk = f', {self._named("p")} to walk' if self.controller.has_policy else ''
+        walk = f', {self.named("p")} to walk' if self.controller.has_policy else ''
         return (
-            f'press 2 to stand{walk}, {self._named(HOIST_KEY)} to let go of the hoist; then '
+            f'press 2 to stand{walk}, {self.named(HOIST_KEY)} to let go of the hoist; then '
             f'{driving_keys(self.logic.keymap)} (forward, back, left, right)'
         )
 
     @property
     def stop_keys(self) -> tuple[str, ...]:
         """The keys that stop it and end every motion."""
-        return (self._named(PASSIVE), STOP_KEY)
+        return (self.named(PASSIVE), STOP_KEY)
 
     @property
     def _refusal(self) -> str:
@@ -160,19 +160,14 @@ class Legged(Robot):
         if controller.state is State.POLICY:
             facts = (*facts, f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s')
         measured = self.world.base().planar_velocity.tolist()
-        names = (('forward', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
-        rows = zip(names, (vx, vy, wz), measured, controller.full, strict=True)
-        axes = tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
+        axes = axes_of((vx, vy, wz), measured, controller.full)
         state = 'fallen' if controller.is_fallen else self.state
         return Status(state, facts, self.notice.text, axes)
 
     def _press(self, key: str, is_pressed: bool) -> None:
-        if is_pressed or key == self._named(PASSIVE):
+        if is_pressed or key == self.named(PASSIVE):
             self.press_state(key)
         super()._press(key, is_pressed)
-
-    def _named(self, key: str) -> str:
-        return on_layout(key, self.options.layout)
 
 
 def standing_pose(robot: RobotTree) -> dict[str, float]:

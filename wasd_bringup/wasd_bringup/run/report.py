@@ -5,12 +5,10 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 import json
 import math
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import FALL_TILT, World
-from wasd_core.output_file import OutputFile
 
 from wasd_bringup.robots import BOTH
 
@@ -178,17 +176,6 @@ def join_reports(reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
         'robot': BOTH,
         'robots': {report['robot']: report for report in reports},
     }
-
-
-def write_report(report: dict[str, Any], file: OutputFile | Path) -> None:
-    """
-    Write a report whole or not at all.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    output = OutputFile(file, '--report') if isinstance(file, Path) else file
-    output.write(report_pieces(report))
 
 
 def report_pieces(report: dict[str, Any]) -> Iterator[bytes]:

@@ -16,7 +16,8 @@ from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import World
 import numpy as np
 from robot_description.description import Description
-from teleop_keyboard.dashboard import Status
+from teleop_keyboard.dashboard import Axis, Status
+from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
@@ -48,6 +49,15 @@ class StateChoice(NamedTuple):
     state: str
     is_on: bool
     refusal: str
+
+
+def axes_of(
+    command: Sequence[float], measured: Sequence[float], full: Sequence[float]
+) -> tuple[Axis, ...]:
+    """Return the axes of a robot on legs: velocities commanded, measured, and at most."""
+    names = (('forward', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
+    rows = zip(names, command, measured, full, strict=True)
+    return tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
 
 
 class Robot(ABC):
@@ -203,6 +213,10 @@ class Robot(ABC):
         """Whether the motion of this key continues after its release."""
         return self.logic is not None and self.logic.latches(key)
 
+    def named(self, key: str) -> str:
+        """Return what the driver's keyboard calls a key of qwerty."""
+        return on_layout(key, self.options.layout)
+
     def choices(self) -> tuple[StateChoice, ...]:
         """Return the states with keys; wheels have none."""
         return ()
@@ -233,11 +247,9 @@ class Robot(ABC):
         self._follow(velocity)
         return True
 
-    def release(self, by: str) -> bool:
-        """Release a source and end its motion; return whether it moved anything."""
-        held = self.drivers.release(by)
-        self._end(held)
-        return held.keys or held.velocity
+    def release(self, by: str) -> None:
+        """Release a source and end its motion."""
+        self._end(self.drivers.release(by))
 
     def disarm(self, by: str = '') -> None:
         """Ignore what a source, or every source, holds now, and end its motion."""

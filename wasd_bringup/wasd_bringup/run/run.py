@@ -33,7 +33,7 @@ from wasd_bringup.run.inputs import (
     TWIST_RATE,
 )
 from wasd_bringup.run.options import AFTERGLOW, RunOptions
-from wasd_bringup.run.report import join_reports, write_report
+from wasd_bringup.run.report import join_reports, report_pieces
 from wasd_bringup.run.robot import Robot
 from wasd_bringup.run.show import show_robot
 from wasd_bringup.run.worlds import build_robots
@@ -202,7 +202,7 @@ class Run:
         return made
 
     def _may_advance(self) -> bool:
-        return not self._gates or all(gate() for gate in self._gates)
+        return all(gate() for gate in self._gates)
 
     @property
     def active(self) -> int:
@@ -246,7 +246,7 @@ class Run:
             self.simulation.run(
                 stop=lambda: stop.requested or self._keys_ended() or bool(self.next_words),
                 poll=self._poll,
-                each_second=self._each_second,
+                each_second=self.face.each_second,
                 duration=self.options.duration,
                 may_advance=self._may_advance,
             )
@@ -323,7 +323,7 @@ class Run:
 
     def _write_report(self) -> None:
         if self.options.report is not None:
-            write_report(self.report(), self.options.report)
+            self.options.report.write(report_pieces(self.report()))
 
     def _release(self) -> None:
         for close in self.listeners.of_end:
@@ -355,7 +355,7 @@ class Run:
 
     def _begin_instant(self) -> None:
         instant = self.world.time
-        self.face.begin_instant(instant)
+        self.face.begin_instant()
         for robot in self.robots:
             robot.begin_instant(instant)
         if instant >= self._next_event:
@@ -497,9 +497,6 @@ class Run:
         """Let the keys drive a robot, by its number."""
         while self.switch.active != robot:
             self.press(SWITCH_KEY)
-
-    def _each_second(self) -> None:
-        self.face.each_second(self.robots)
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""

@@ -3,7 +3,6 @@
 
 from functools import partial
 
-from teleop_keyboard.keymap import on_layout
 from unitree_bridge.bridge import Bridge, INTO, OUT
 from unitree_bridge.connection import open_wire
 from unitree_bridge.legs_robot import Commands, LegsRobot
@@ -60,7 +59,7 @@ class UnitreeDriver:
             options.domain, options.network, (*OUT, *LIDAR_OUT), (*INTO, LIDAR_SWITCH)
         )
         commands = Commands(
-            press=lambda key: robot.press(on_layout(key, robot.layout), SOURCE),
+            press=lambda key: robot.press(robot.named(key), SOURCE),
             drive=partial(robot.drive, by=SOURCE),
             release=lambda: robot.release(SOURCE),
             take_motors=self._take_motors,
