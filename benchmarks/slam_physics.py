@@ -35,7 +35,7 @@ def drive_mbot(seed: int, length: float) -> Log:
         ticks.append((robot.time, pose, np.array((state.x, state.y, state.yaw)), known))
         if robot.time - begin >= 1.0 / tag.rate - 1e-9:
             begin = robot.time
-            lidar.begin()
+            lidar.begin(0, 0.0)
         while at < len(way) - 1 and math.dist(way[at], pose[:2]) < LOOK_AHEAD:
             at += 1
         ahead = wrap(math.atan2(way[at, 1] - pose[1], way[at, 0] - pose[0]) - pose[2])

@@ -97,7 +97,7 @@ class Ride:
         unit.senses.add_odometry(now, odometry)
         if now - self._begin >= 1.0 / A1.rate - 1e-9:
             self._begin = now
-            self._lidar.begin()
+            self._lidar.begin(0, 0.0)
         if now >= self._next_step:
             self._next_step = now + 1.0 / RATE - 1e-9
             unit.step(now)

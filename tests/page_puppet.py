@@ -17,6 +17,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.input import PAGE_KEYS
 from mujoco_sim.viewer.server import CONTROL_TAKEN
 from terminals import PATIENCE
+from wasd_cockpit.widgets import Rect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
@@ -33,6 +34,11 @@ SCENE = (600, 400)
 def code(key: str) -> int:
     """Return ImGui's number of a key by its name in ImGui, 'W' or 'LeftShift'."""
     return int(getattr(imgui.Key, key).value)
+
+
+def middle_of(rect: Rect) -> tuple[int, int]:
+    """Return the point in the middle of a rectangle on the page [pixels]."""
+    return round(0.5 * (rect.left + rect.right)), round(0.5 * (rect.top + rect.bottom))
 
 
 def input_packet(

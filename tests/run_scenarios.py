@@ -19,7 +19,7 @@ import time
 import traceback
 from typing import Any
 
-from page_puppet import code, PagePuppet, SCENE
+from page_puppet import code, middle_of, PagePuppet, SCENE
 from terminals import PATIENCE
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cli.options import read_options
@@ -84,8 +84,7 @@ class Page:
         """Wait for a widget, and return the point in its middle."""
         self.wait_until(lambda: name in self.rects, f'{name} in {sorted(self.rects)}')
         self.puppet.draw()
-        place: tuple[int, int] = self.rects[name].middle
-        return place
+        return middle_of(self.rects[name])
 
     def click(self, name: str) -> None:
         """Click a widget."""

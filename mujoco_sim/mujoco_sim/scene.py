@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from robot_description.mujoco.builder import add_sky
 from wasd_core.errors import one_line, SimulationError, UserError
 from wasd_core.robot_io import TIME_STEP
 
@@ -135,7 +136,8 @@ def _number(world: str, word: str, span: 'Span') -> float:
 
 
 def _flat(spec: mujoco.MjSpec) -> None:
-    _add_sky(spec)
+    add_sky(spec, [0.55, 0.68, 0.82], [0.90, 0.93, 0.96], width=256)
+    _add_sun(spec.worldbody)
     spec.add_texture(
         name='floor',
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -252,19 +254,6 @@ def _add_furniture(spec: mujoco.MjSpec) -> None:
         ('bin', cylinder, [1.6, -1.8, 0.2], [0.2, 0.2, 0.0], [0.25, 0.55, 0.30, 1.0]),
     ):
         spec.worldbody.add_geom(name=name, type=kind, pos=place, size=size, rgba=rgba)
-
-
-def _add_sky(spec: mujoco.MjSpec) -> None:
-    spec.add_texture(
-        name='sky',
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.55, 0.68, 0.82],
-        rgb2=[0.90, 0.93, 0.96],
-        width=256,
-        height=1536,
-    )
-    _add_sun(spec.worldbody)
 
 
 def _add_sun(body: mujoco.MjsBody) -> mujoco.MjsLight:

@@ -260,11 +260,7 @@ class Robot:
     @cached_property
     def rest_poses(self) -> dict[str, Pose]:
         """The pose of every link in the root with every joint at 0."""
-        poses = {self.root: IDENTITY}
-        for link in self.links_from_root[1:]:
-            joint = self.parent_joints[link]
-            poses[link] = poses[joint.parent] @ joint.pose
-        return poses
+        return self.link_poses({})
 
 
 def _second_moments(inertia: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from wasd_core.timing import HELD, HELD_PERIOD, NO_PRESS, with_event
 
 from teleop_keyboard.decoder import CharacterDecoder, KeyDecoder
 from teleop_keyboard.keymap import SIGNAL_KEYS
-from teleop_keyboard.terminal import NoTerminal, open_terminal, read_ready, Terminal
+from teleop_keyboard.terminal import NoTerminal, open_terminal, Source, Terminal
 from teleop_keyboard.typed_keys import MOST_AT_ONCE, TypedKeys
 
 # A key that names a state (of the Go2: 2 stands) means the same when it comes late [s]; longer,
@@ -70,33 +70,18 @@ LONGEST_BURST = 2000
 IGNORED = 'pasted text was ignored (keys that are pressed drive)'
 
 
-class Pipe:
+class Pipe(Source):
     """Bytes of keys from a pipe, a socket or a file."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self._closed = False
+        super().__init__(descriptor)
         self.was_used = False
 
-    @property
-    def closed(self) -> bool:
-        """Whether the end of the pipe was read."""
-        return self._closed
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait on."""
-        return self._descriptor
-
     def read(self) -> bytes:
-        """Return what is there, at most one buffer; b'' with `closed` at the end."""
-        data = None if self._closed else read_ready(self._descriptor)
-        self._closed = self._closed or data == b''
+        """Return what is there, at most one buffer, without waiting; b'' for nothing."""
+        data = super().read()
         self.was_used = self.was_used or bool(data)
-        return data or b''
-
-
-# What brings bytes of keys.
-Source = Terminal | Pipe
+        return data
 
 
 class KeyReader:

@@ -60,7 +60,30 @@ class NoTerminal(UserError):
     """There is no terminal to read keys from; says in one line what to do."""
 
 
-class Terminal:
+class Source:
+    """Bytes of keys, from a descriptor."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._closed = False
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing more will come: its end was read, or the terminal hung up."""
+        return self._closed
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+        return self._descriptor
+
+    def read(self) -> bytes:
+        """Return what is there, at most one buffer, without waiting; b'' for nothing."""
+        data = None if self._closed else read_ready(self._descriptor)
+        self._closed = self._closed or data == b''
+        return data or b''
+
+
+class Terminal(Source):
     """
     Context in which a terminal hands over each key as it is pressed, unechoed.
 
@@ -72,23 +95,17 @@ class Terminal:
     """
 
     def __init__(self, descriptor: int, *, owns_descriptor: bool = False) -> None:
-        self._descriptor = descriptor
+        super().__init__(descriptor)
         self._owns_descriptor = owns_descriptor
         self._outlet: int | None = None
         self._saved: list[Any] | None = None
         self._raw: list[Any] | None = None
         self._previous_handlers: dict[int, Any] = {}
-        self._closed = False
         self._undo: list[bytes] = []  # what switches off what we have switched on
         self._is_busy = False
         self._is_asked_to_suspend = False
         self.before_suspend: list[Callable[[], None]] = []
         self.after_resume: list[Callable[[], None]] = []
-
-    @property
-    def closed(self) -> bool:
-        """Whether the terminal hung up: nothing more will come."""
-        return self._closed
 
     @property
     def is_ours(self) -> bool:
@@ -118,16 +135,6 @@ class Terminal:
         """Switch off what was switched on, in the screen that it was switched on in."""
         undo, self._undo = self._undo, []
         self._write(b''.join(reversed(undo)))
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait on."""
-        return self._descriptor
-
-    def read(self) -> bytes:
-        """Return everything that was typed since the last read, without waiting."""
-        data = None if self._closed else read_ready(self._descriptor)
-        self._closed = self._closed or data == b''
-        return data or b''
 
     @contextlib.contextmanager
     def undisturbed(self) -> Iterator[None]:

@@ -13,7 +13,7 @@ import sys
 import time
 from typing import Any, NamedTuple
 
-from page_puppet import CutOff, PagePuppet
+from page_puppet import CutOff, middle_of, PagePuppet
 import programs
 import pytest
 from terminals import PATIENCE
@@ -115,7 +115,7 @@ class Stranger:
 
     def _click(self, step: Step) -> None:
         (name,) = step.words
-        self._page().press_at(self._find(name).middle)
+        self._page().press_at(middle_of(self._find(name)))
         # `restart` ends the page, maybe before it has drawn again.
         with contextlib.suppress(CutOff):
             self._page().let_go()
@@ -123,7 +123,7 @@ class Stranger:
     def _drag(self, step: Step) -> None:
         (name,) = step.words
         rect, (right, down) = self._find(name), WAYS[step.rest]
-        x, y = rect.middle
+        x, y = middle_of(rect)
         self._page().press_at((x, y))
         place = x + 0.5 * right * rect.width, y + 0.5 * down * rect.height
         self._page().drag_to((round(place[0]), round(place[1])))

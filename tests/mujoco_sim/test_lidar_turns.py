@@ -52,7 +52,7 @@ def wall_at(x, heading):
 def test_each_ray_begins_where_the_lidar_is_at_its_time(loaded, room, tag, speed, rate):
     lidar, dt, time, ranges = Lidar(tag, Site(room, loaded.robot)), 0.005, 0.0, None
     place(room, 0.0, 0.0)
-    lidar.begin()
+    lidar.begin(0, 0.0)
     lidar.step(0.0)
     while ranges is None:
         time += dt

@@ -7,11 +7,10 @@ import urllib.request
 
 from mujoco_sim.viewer.drawing import SLOW_PAGE
 import numpy as np
-from page_puppet import code, PagePuppet, SCENE
+from page_puppet import code, middle_of, PagePuppet, SCENE
 import pytest
 from run_scenarios import Page, paused
 from scribbling import scribble_everywhere
-from wasd_cockpit.layout import PANELS
 from wasd_cockpit.link import Columns, STICK_PROOF
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -30,7 +29,7 @@ LOW = -4.0
 def top_of(page: Page, name: str, share: float = 0.9) -> tuple[int, int]:
     """Return the place at which a stick is as far forward as this share of the way."""
     rect = page.rects[name]
-    x, y = rect.middle
+    x, y = middle_of(rect)
     return x, round(y - share * 0.5 * rect.height)
 
 
@@ -72,7 +71,7 @@ def scenario_the_stick_drives_and_letting_go_is_stop(page: Page) -> None:
 def scenario_turning_turns(page: Page) -> None:
     yaw = page.session.world.base().rpy[2]
     page.puppet.press_at(page.show('turning'))
-    x, y = page.rects['turning'].middle
+    x, y = middle_of(page.rects['turning'])
     page.puppet.drag_to((round(x - 0.4 * page.rects['turning'].width), y))
     page.wait(0.6)
     page.puppet.let_go()
@@ -366,11 +365,12 @@ def scenario_a_spectator_has_no_panels_and_moves_nothing(page: Page) -> None:
 def scenario_on_a_phone_all_is_within_the_page_and_high_enough_for_a_finger(page: Page) -> None:
     page.open('phone', PHONE)
     page.wait_until(lambda: page.cockpit.page.layout.is_tall, 'a page that is higher than wide')
-    for panel in PANELS:
+    panels = tuple(page.cockpit._panels)
+    for panel in panels:
         page.click(f'tab {panel}')
         page.puppet.draw(4)
         rects = page.rects
-        assert {f'tab {name}' for name in PANELS} < set(rects)
+        assert {f'tab {name}' for name in panels} < set(rects)
         outside = {name for name, at in rects.items() if at.left < 0 or at.right > PHONE[0]}
         assert outside == set(), panel
         pressed = {name: at for name, at in rects.items() if not name.startswith('text ')}

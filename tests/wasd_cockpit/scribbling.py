@@ -13,7 +13,6 @@ import random
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from page_puppet import SCENE
 from run_scenarios import Page
-from wasd_cockpit.layout import PANELS
 
 
 def resident() -> int:
@@ -28,7 +27,7 @@ def scribble_everywhere(
 ) -> list[int]:
     """Do so many things on each panel; return the memory before and after each [bytes]."""
     sizes = [resident()]
-    for panel in PANELS:
+    for panel in page.cockpit._panels:
         layout = page.cockpit.page.layout
         layout.choose(panel)
         page.puppet.draw()

@@ -19,8 +19,6 @@ BOTTOM_SHARE, PHONE_SCENE_SHARE, EYES_SHARE = 0.30, 0.42, 0.5
 # Of the left side, for the robot: what its buttons need [pixels], and at most this share.
 ROBOT_HEIGHT, ROBOT_SHARE = 420.0, 0.62
 
-PANELS = ('robot', 'drive', 'keys', 'plots', 'eyes', 'map', 'view', 'world')
-
 
 class Place(NamedTuple):
     """A window for one or several panels, of which one is shown."""

@@ -25,11 +25,6 @@ class Rect(NamedTuple):
     bottom: float
 
     @property
-    def middle(self) -> tuple[int, int]:
-        """The point in its middle."""
-        return round(0.5 * (self.left + self.right)), round(0.5 * (self.top + self.bottom))
-
-    @property
     def width(self) -> float:
         """Its width."""
         return self.right - self.left

@@ -4,9 +4,6 @@
 import os
 import stat
 
-# Of a folder or file: its group, or all users, may write to it.
-OPEN = stat.S_IWGRP | stat.S_IWOTH
-
 
 def others_can_write(status: os.stat_result, *owners: int) -> str:
     """

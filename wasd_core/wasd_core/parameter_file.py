@@ -4,15 +4,19 @@
 from collections.abc import Callable, Collection, Iterator, Mapping
 import contextlib
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import yaml
 
 from wasd_core.errors import DescriptionError, did_you_mean, one_line
-from wasd_core.parameters import InvalidParameter, known_parameters, Parameters, shown
+from wasd_core.parameters import (
+    InvalidParameter,
+    known_parameters,
+    Parameters,
+    ParametersType,
+    shown,
+)
 from wasd_core.safe_files import read_beginning, read_file
-
-ParametersType = TypeVar('ParametersType', bound=Parameters)
 
 # ROS's own; it may stand in every file.
 USE_SIM_TIME = 'use_sim_time'

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 import dataclasses
 import math
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeVar
 
 from wasd_core.errors import suggest, UserError
 
@@ -169,6 +169,9 @@ class Parameters:
             InvalidParameter: there is no such parameter, or it cannot have this value.
         """
         return _checked(_find(cls, key).field, value, key, is_given=True)
+
+
+ParametersType = TypeVar('ParametersType', bound=Parameters)
 
 
 def _find(definition: type[Parameters], key: str) -> Known:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import dataclasses
 import math
 from types import MethodType
-from typing import Any, cast, TypeVar
+from typing import Any, cast
 from weakref import WeakMethod
 
 from rcl_interfaces.msg import (
@@ -28,6 +28,7 @@ from wasd_core.parameters import (
     known_parameters,
     numeric_ends,
     Parameters,
+    ParametersType,
 )
 
 
@@ -62,9 +63,6 @@ def to_descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     elif is_integer and None not in ends:
         descriptor.integer_range = [IntegerRange(from_value=ends[0], to_value=ends[1], step=1)]
     return descriptor
-
-
-ParametersType = TypeVar('ParametersType', bound=Parameters)
 
 
 def declare_parameters(

@@ -146,7 +146,7 @@ class PointLidar:
         """Whether a cloud is being measured."""
         return self._elapsed is not None
 
-    def begin(self, number: int = 0, late: float = 0.0) -> None:
+    def begin(self, number: int, late: float) -> None:
         """Begin the cloud of a number, which its first ray has done `late` [s] ago."""
         points, rate = self.tag.model.points, self.tag.rate
         # Numbers of its rays, from the start of all.

@@ -208,7 +208,7 @@ class Lidar:
         """Whether a revolution is being measured."""
         return self._elapsed is not None
 
-    def begin(self, number: int = 0, late: float = 0.0) -> None:
+    def begin(self, number: int, late: float) -> None:
         """Begin the revolution of a number, which its first ray has done `late` [s] ago."""
         self._count, self._elapsed = 0, late
 

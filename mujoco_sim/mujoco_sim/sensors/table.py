@@ -35,7 +35,7 @@ class Turning(Protocol):
     def is_turning(self) -> bool:
         """Whether it measures now."""
 
-    def begin(self, number: int = 0, late: float = 0.0) -> None:
+    def begin(self, number: int, late: float) -> None:
         """Begin the measurement of a number, `late` [s] after it should have."""
 
     def forget(self) -> None:

@@ -66,6 +66,19 @@ def to_mujoco(robot: Robot, visuals: bool = False) -> mujoco.MjSpec:
     return spec
 
 
+def add_sky(spec: mujoco.MjSpec, rgb1: list[float], rgb2: list[float], width: int) -> None:
+    """Add a sky between two colours, of a width [pixels]."""
+    spec.add_texture(
+        name='sky',
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=rgb1,
+        rgb2=rgb2,
+        width=width,
+        height=6 * width,
+    )
+
+
 def _new_spec(robot: Robot) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     if robot.name:

@@ -10,7 +10,7 @@ from PIL import Image
 from wasd_core.errors import DescriptionError
 from wasd_core.output_file import OutputFile
 
-from robot_description.mujoco.builder import compile_model, to_mujoco
+from robot_description.mujoco.builder import add_sky, compile_model, to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.mujoco.renderer import find_renderer, NO_RENDERER
 from robot_description.robot import Robot
@@ -39,15 +39,7 @@ def draw(robot: Robot, path: Path) -> None:
     spec = to_mujoco(robot, visuals=True)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
     spec.visual.headlight.ambient = np.full(3, 0.4)
-    spec.add_texture(
-        name='sky',
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.75, 0.82, 0.90],
-        rgb2=[0.97, 0.98, 1.0],
-        width=64,
-        height=384,
-    )
+    add_sky(spec, [0.75, 0.82, 0.90], [0.97, 0.98, 1.0], width=64)
     model = compile_model(spec)
     pixels = _render(model, _rest(model, robot))
     png = io.BytesIO()

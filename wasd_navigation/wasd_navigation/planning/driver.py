@@ -138,8 +138,7 @@ class Driver:
     def _restart(self) -> None:
         """Forget how far it came: count time without progress from now."""
         self._docking: Docking | None = None
-        self._least_left, self._no_nearer = math.inf, 0.0
-        self._in_a_row = 0
+        self._start_over()
         self._manoeuvre: Manoeuvre | None = None
         self._manoeuvred = 0.0
 

@@ -133,7 +133,7 @@ def _try_all(
                     max(motion[step, axis], base.least[axis]), base.most[axis]
                 )
             move(state, motion[step], base, STEP)
-            cost += _price(state, scene, base) + value_at(scene.values, state) / motion.shape[0]
+            cost += _price(state, scene) + value_at(scene.values, state) / motion.shape[0]
             if scene.movers.shape[0] > 0:
                 cost += _price_of_movers(state, scene, (step + 1) * STEP)
         costs[sample] = cost + value_at(scene.values, state)
@@ -157,7 +157,7 @@ def value_at(values: Field, state: np.ndarray) -> float:
 
 
 @fast
-def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
+def _price(state: np.ndarray, scene: Scene) -> float:
     """Return what a step costs that ends in a state."""
     least, comfort = scene.keep
     room = clearance(scene.distances, scene.circles, state, comfort)
