@@ -320,6 +320,24 @@ def test_a_flood_does_not_keep_the_pump_busy(spawn, monkeypatch):
     assert len(runs) <= 5
 
 
+def test_the_pump_waits_also_for_a_node_with_a_guard(spawn, monkeypatch):
+    node, waits = spawn(Node('guarded')), []
+    guard = node.create_guard_condition(lambda: None)
+    spawn.pump.handle()
+    wait_for = spawn.pump.wait_for_ready_callbacks
+
+    def note(timeout_sec=None):
+        waits.append(timeout_sec)
+        return wait_for(timeout_sec=timeout_sec)
+
+    monkeypatch.setattr(spawn.pump, 'wait_for_ready_callbacks', note)
+    spawn.pump.handle(0.05)
+    assert waits == [0.05]
+    guard.trigger()
+    spawn.pump.handle(PATIENCE)  # and the guard ends the wait
+    assert waits[1] == PATIENCE
+
+
 def test_an_exception_in_a_handler_reaches_the_loop(spawn):
     node = spawn(Node('faulty'))
 

@@ -358,9 +358,9 @@ class MessagePump(SingleThreadedExecutor):
         self._looks_at_events = now >= self._events_at + self.EVENT_PERIOD
         if self._looks_at_events:
             self._events_at = now
-        elif not self._has_come(timeout):
-            return
-        else:
+        elif not self._only_rclpy_knows:
+            if not self._has_come(timeout):
+                return
             timeout = 0.0
         try:
             self._handle(timeout)
@@ -382,16 +382,20 @@ class MessagePump(SingleThreadedExecutor):
         self._has_changed = True
         super().remove_node(node)
 
+    @property
+    def _only_rclpy_knows(self) -> bool:
+        """Whether only rclpy can tell that something has come."""
+        # A look at the guard of a node takes it; tasks are none of what is waited for.
+        guards = (True for node in self.get_nodes() for _ in node.guards)
+        return bool(self._tasks) or self._is_shutdown or any(guards)
+
     def _has_come(self, timeout: float) -> bool:
-        """Wait for anything to come; True, too, where only rclpy can tell."""
-        nodes = self.get_nodes()
-        # Guards of a node are taken by who looks at them; tasks are none of what is waited for.
-        if self._tasks or self._is_shutdown or any(True for node in nodes for _ in node.guards):
-            return True
+        """Wait for anything to come; True, too, where that cannot be told."""
         try:
             if self._has_changed or self._watch is None:
                 self._has_changed = False  # first: what changes meanwhile is for the next look
-                self._watch = _Watch(nodes, (self._guard, self._sigint_gc), self._context)
+                guards = self._guard, self._sigint_gc
+                self._watch = _Watch(self.get_nodes(), guards, self._context)
             return self._watch.wait(timeout) or not self._context.ok()
         except InvalidHandle:  # between a thing's end and the word of it
             self._has_changed = True
