@@ -26,8 +26,12 @@ class Robot:
 
     def __init__(self, name):
         self.target = Target(self, f'/{name}/cmd_vel', f'/{name}/keys')
-        self.keys, self.velocities = [], []
+        self.keys, self.velocities, self.stops = [], [], []
         self.drivers = Drivers(lambda key: key == 'STOP', lambda key: key in ('i', 'j'))
+
+    def heeds_e_stop(self, key, by):
+        self.stops += [by] * (key == 'ESC')
+        return key == 'ESC'
 
     def press(self, key, by):
         self.drivers.take(by, key=key)
@@ -164,6 +168,14 @@ def test_a_key_that_moves_nothing_is_followed_by_nothing(inbox, client, robots):
     client.leave()
     pass_time(inbox, 1.0)
     assert robots[0].keys == ['2']
+
+
+def test_an_e_stop_that_waited_while_the_process_stood_still_stops(inbox, client, robots):
+    client.advertise('/go2/keys')
+    inbox.step(STEP)
+    client.key('ESC')
+    inbox.step(SILENCE + 0.1)
+    assert robots[0].stops == ['foxglove 1']
 
 
 def test_what_waited_while_the_process_stood_still_is_not_taken(inbox, client, robots):

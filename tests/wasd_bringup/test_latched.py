@@ -3,18 +3,25 @@
 
 import itertools
 import math
+import os
 from pathlib import Path
 import re
+import time
 
 from geometry_msgs.msg import Twist
 import numpy as np
 import pytest
+from rclpy.node import Node
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
+from teleop_keyboard.key_reader import KeyReader, Pipe
+from teleop_keyboard.key_script import KeyPress
+from terminals import PATIENCE
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
+from wasd_core.topics import EVENTS
 
 pytestmark = pytest.mark.slow
 
@@ -238,11 +245,11 @@ linear_accel: 1.0
 angular_accel: 4.0
 motion:
   i: [1, 0, 0]
-stop: [ESC]
+  ESC: [-1, 0, 0]
 """
 
 
-def test_esc_is_the_e_stop_also_where_a_keymap_names_it(tmp_path):
+def test_esc_is_the_e_stop_and_nothing_else_also_where_a_keymap_names_it(tmp_path):
     preset = tmp_path / 'mine.yaml'
     preset.write_text(KEYMAP)
     run = Run(
@@ -252,6 +259,71 @@ def test_esc_is_the_e_stop_also_where_a_keymap_names_it(tmp_path):
     assert run.robot.drivers.state.driver == 'keys'
     run.press('ESC')
     assert run.robot.drivers.stopped_by == 'keys'
+    run.end_e_stop()
+    run.press('HELD+ESC')  # which is still down
+    assert not any(run.robot.drivers.held('keys'))
+    run.press('RELEASE+ESC')
+    run.press('ESC')
     run.press('RELEASE+i')
     assert not run.robot.press('i', 'keys')
     run.close()
+
+
+@pytest.mark.parametrize(('by', 'goes_on'), [('page', False), ('script', True)])
+def test_an_e_stop_ends_a_script_of_keys_unless_it_is_the_script_s_own(by, goes_on):
+    # The key counts again after a silence.
+    times = [0.1 * n for n in (*range(10), *range(25, 35))]
+    keys = tuple(KeyPress(when, 'i') for when in times)
+    run = Run(RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0, keys=keys))
+    run.simulation.run(stop=lambda: run.world.time >= 1.0, poll=lambda _: None)
+    assert run.robot.drive_unit.controller.target.linear > 0.1
+    run.e_stop(by)
+    run.simulation.run(stop=lambda: run.world.time >= 3.2, poll=lambda _: None)
+    assert (run.robot.drive_unit.controller.target.linear > 0.1) == goes_on
+    run.close()
+
+
+def test_the_robot_stops_when_the_last_keyboard_of_others_is_gone(ros):
+    options = RunOptions(robot='mbot', description='mbot', preset='ramps', speed=0.0)
+    run = make_ros_run(options)
+    far = Node('keyboard')
+    keys = far.create_publisher(String, 'keys', EVENTS)
+    controller = run.robot.drive_unit.controller
+
+    def step():
+        run.face.handle(0.01)
+        run.simulation.advance(20)
+
+    def handle_until(condition):
+        until = time.monotonic() + PATIENCE
+        while not condition() and time.monotonic() < until:
+            step()
+        assert condition()
+
+    handle_until(lambda: keys.get_subscription_count() > 0)
+    keys.publish(String(data='w'))
+    handle_until(lambda: controller.target.linear > 0.1)
+    for _ in range(50):
+        step()
+    assert controller.target.linear > 0.1
+    far.destroy_node()
+    handle_until(lambda: controller.target.linear == 0.0)
+    assert not any(run.robot.drivers.held('topic'))
+    run.close()
+
+
+def test_the_robot_stops_when_the_pipe_of_its_keys_ends_where_others_may_still_drive():
+    reading, writing = os.pipe()
+    options = RunOptions(
+        robot='mbot', description='mbot', preset='ramps', speed=0.0, gamepad='', duration=3.0
+    )
+    with KeyReader(None, Pipe(reading)) as reader:
+        run = Run(options, reader)
+        controller = run.robot.drive_unit.controller
+        os.write(writing, b'w')
+        run.simulation.run(stop=lambda: run.world.time >= 1.0, poll=run._poll)
+        assert controller.target.linear > 0.1
+        os.close(writing)
+        run.simulation.run(stop=lambda: run.world.time >= 1.5, poll=run._poll)
+        assert controller.target.linear == 0.0
+        run.close()

@@ -314,3 +314,18 @@ def test_while_a_stop_holds_the_page_starts_no_other_run(run_of):
     run.session.end_e_stop()
     run.order('start', 'mbot room')
     assert run.session.next_words[:3] == ('mbot', '--world', 'room')
+
+
+def test_a_stick_held_over_an_e_stop_of_another_source_drives_only_after_its_release(run_of):
+    run = run_of('mbot', 'mbot')
+    controller, stick = run.session.robot.drive_unit.controller, Stick(0.5, 0.0, 0.0)
+    run.look(stick)
+    assert controller.target.linear > 0.05
+    run.session.press('ESC')
+    for _ in range(100):  # longer than any silence
+        run.look(stick)
+        run.session.simulation.advance(33)
+        assert controller.target.linear == 0.0
+    run.look(None)
+    run.look(stick)
+    assert controller.target.linear > 0.05

@@ -18,7 +18,7 @@ from wasd_bringup.run.unitree import idle_guard, UnitreeDriver
 from wasd_core.errors import UserError
 
 pytestmark = pytest.mark.slow
-STAND_UP, MOVE = 1004, 1008
+STOP_MOVE, STAND_UP, MOVE = 1003, 1004, 1008
 
 
 class Commanded:
@@ -154,6 +154,27 @@ def test_a_latched_e_stop_holds_until_it_is_released():
     run.run(SILENCE + 0.1)
     assert run.hold_by_motors(1.5) == 750
     assert run.height > 0.3
+
+
+@pytest.mark.parametrize('latched', [True, False])
+def test_a_move_repeated_over_an_e_stop_counts_only_after_it_has_ended(latched):
+    run = Commanded(latched=latched)
+    run.call(STAND_UP)
+    run.run(1.5)
+    run.move(1.0)
+    assert run.speed > 0.2
+    run.session.e_stop('page')
+    run.move(SILENCE + 0.3)
+    run.session.end_e_stop()
+    run.move(0.5)
+    run.session.press('2')
+    start = run.ahead
+    run.move(2.0)
+    assert run.robot.state == 'fixed stand'
+    assert abs(run.ahead - start) < 0.05
+    run.call(STOP_MOVE)
+    run.move(1.0)
+    assert run.speed > 0.2
 
 
 def test_programs_switch_the_guard_that_stops_before_a_wall():

@@ -79,6 +79,7 @@ class Bridge:
         self.services = self._make_services()
         self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
         self._sticks = Watchdog(_REMOTE_SILENCE)
+        self._ignores_sticks = False  # of the remote, until they are centred
         self._down: frozenset[str] = frozenset()
         self._answers = False  # the program that commands the motors
         self._has_begun = not is_synced
@@ -160,14 +161,18 @@ class Bridge:
 
     def disarm(self) -> None:
         """Ignore what programs command now: the motors damp."""
-        self.motion.forget()
+        self.motion.disarm()
+        self._ignores_sticks |= self._sticks.is_alive
+        self._forget_commands()
+
+    def _forget_commands(self) -> None:
         self.low.stop()
         self._in_force = None
         self._sticks.reset()
 
     def reset(self) -> None:
         """Forget the past: the robot is back at its start."""
-        self.disarm()
+        self._forget_commands()
         self.low.reset()
         self.motion.reset()
         self._has_begun = not self._is_synced
@@ -263,6 +268,9 @@ class Bridge:
         pressed, self._down = remote.down - self._down, remote.down
         self._obey(remote.down, pressed)
         is_held = self._sticks.is_alive
+        self._ignores_sticks &= not remote.is_centred
+        if self._ignores_sticks:
+            return
         if remote.is_centred:
             if is_held:
                 self._sticks.reset()

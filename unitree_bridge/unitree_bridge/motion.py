@@ -14,6 +14,8 @@ from unitree_bridge.robot import Velocity
 
 # A Move holds for so long [s], and is told to the controller so often [Hz].
 MOVE_TIMEOUT = 1.0
+# A program that goes on asking for a Move over a stop is ignored until it is silent for this [s].
+_SILENCE = 1.2
 MOVE_RATE = 20.0
 # A key that has changed nothing is pressed again after so long [s].
 _PATIENCE = 0.5
@@ -38,6 +40,8 @@ class Motion:
         self._robot, self._say = robot, say
         self._beat = Beat()
         self._alive = Watchdog(MOVE_TIMEOUT)
+        self._asks = Watchdog(_SILENCE)  # for a velocity, whether that counts or not
+        self._is_ignored = False
         self.reset()
 
     def reset(self) -> None:
@@ -55,6 +59,11 @@ class Motion:
         self._lean = dict.fromkeys(_LEAN_KEYS, 0)
         self._leant = dict.fromkeys(_LEAN_KEYS, 0)
 
+    def disarm(self) -> None:
+        """Ask for nothing, and ignore a Move that is asked for now until it has ended."""
+        self.forget()
+        self._is_ignored = self._asks.is_alive
+
     @property
     def is_moving(self) -> bool:
         """Whether a velocity is in force that is not zero."""
@@ -67,14 +76,18 @@ class Motion:
 
     def go(self, goal: StateName) -> None:
         """Lead the robot to a state; it stops moving."""
-        self.stop()
+        self._halt()
         self._pressed = None
         self._goal = goal if self._robot.state != goal else None
         self._lean = dict.fromkeys(_LEAN_KEYS, 0)
 
     def move(self, velocity: Velocity) -> bool:
-        """Move so [m/s], [m/s], [rad/s] for a while; return False where it lies."""
-        if self.lies:
+        """Move so [m/s], [m/s], [rad/s] for a while; return False where it lies or was stopped."""
+        if any(velocity):
+            self._asks.hear()
+        else:
+            self._end_asking()
+        if self.lies or self._is_ignored:
             return False
         if self._robot.state != StateName.MOVE_BASE:
             self._goal = StateName.MOVE_BASE
@@ -85,7 +98,15 @@ class Motion:
         return True
 
     def stop(self) -> None:
-        """Stand still, in this instant."""
+        """Stand still, in this instant, as a program asks for."""
+        self._end_asking()
+        self._halt()
+
+    def _end_asking(self) -> None:
+        self._asks.reset()
+        self._is_ignored = False
+
+    def _halt(self) -> None:
         if self.is_moving:
             self._robot.drive(STANDSTILL)
             self._robot.release()
@@ -118,8 +139,10 @@ class Motion:
         was_moving = self.is_moving
         self._alive.step(dt)
         if was_moving and not self._alive.is_alive:
-            self._alive.hear()  # so that `stop` knows that it moves
-            self.stop()
+            self._alive.hear()  # so that `_halt` knows that it moves
+            self._halt()
+        self._asks.step(dt)
+        self._is_ignored &= self._asks.is_alive
         due = self._beat.is_due(self._robot.time, MOVE_RATE)
         in_move = self._robot.state == StateName.MOVE_BASE
         if due and self._alive.is_alive and in_move and not self._robot.drive(self._velocity):

@@ -124,8 +124,12 @@ class Sport(Service):
 
     def move(self, velocity: tuple[float, float, float]) -> None:
         """Move so [m/s], [m/s], [rad/s], where our controller has the motors and stands."""
-        if not self._is_released('Move') and not self._motion.move(velocity):
+        if self._is_released('Move') or self._motion.move(velocity):
+            return
+        if self._motion.lies:
             self._say('sport: Move has no effect on a lying robot (StandUp first)')
+        else:
+            self._say('sport: Move was stopped (it counts after StopMove, or 1.2 s without it)')
 
     def _speed_level(self, said: Parameters) -> None:
         self._motion.speed_level = round(number(said, 'data'))

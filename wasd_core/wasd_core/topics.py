@@ -119,15 +119,15 @@ LOOK_PERIOD = 0.1
 
 class PublisherWatch:
     """
-    Calls `on_lost` when a topic that had publishers has none any more.
+    Calls `on_lost` when a topic that had publishers of others has none any more.
 
     What a key has set going may last longer than the key: a latched velocity, a stick. It must
     not last longer than the keyboard. DDS notices a publisher that ends at once, one whose process
-    was killed when its lease runs out (20 s).
+    was killed when its lease runs out (20 s). So many publishers are our `own`.
     """
 
-    def __init__(self, node: Node, topic: str, on_lost: Callable[[], None]) -> None:
-        self._node = node
+    def __init__(self, node: Node, topic: str, on_lost: Callable[[], None], own: int = 0) -> None:
+        self._node, self._own = node, own
         self._topic = topic
         self._on_lost = on_lost
         self._had_any = False
@@ -135,7 +135,7 @@ class PublisherWatch:
         self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=clock)
 
     def _look(self) -> None:
-        has_any = self._node.count_publishers(self._topic) > 0
+        has_any = self._node.count_publishers(self._topic) > self._own
         if self._had_any and not has_any:
             self._on_lost()
         self._had_any = has_any

@@ -127,6 +127,7 @@ class CockpitBridge:
         self._now = 0.0
         # The robot that the stick moves, and what it was told last.
         self._driven: int | None = None
+        self._is_ignored = False  # the stick, until it is released
         self._pushed: int | None = None
 
     def attach(self, where: str) -> None:
@@ -135,7 +136,7 @@ class CockpitBridge:
         self.restart.is_at(where)
         run.listeners.of_keys.append(self.note_key)
         run.listeners.of_looks.append(self.step)
-        run.listeners.of_disarm.append(self.let_go)
+        run.listeners.of_disarm.append(self._disarm)
         run.listeners.of_end.append(self.close)
         run.simulation.on_reset.append(self.forget)
         run.simulation.schedule.every(SAMPLE_PERIOD, self.sample)
@@ -240,6 +241,8 @@ class CockpitBridge:
     def _release(self) -> None:
         """End, without waiting for a snapshot, what a hand no longer does to the robot in turn."""
         active, link = self._run.active, self._link
+        if link.stick is None:
+            self._is_ignored = False
         if self._driven is not None and (link.stick is None or self._driven != active):
             self.let_go()
         if self._pushed is not None and (link.force is None or self._pushed != active):
@@ -248,7 +251,7 @@ class CockpitBridge:
     def _follow_stick(self) -> None:
         """Do what the stick says."""
         stick = self._link.stick
-        if stick is not None:
+        if stick is not None and not self._is_ignored:
             self._driven = self._run.active
             self._move(self._driven, stick)
 
@@ -260,6 +263,11 @@ class CockpitBridge:
         for watched in self._watched:
             is_active = watched is self._active
             watched.robot.world.keep_pushing(force if is_active else (0.0, 0.0, 0.0))
+
+    def _disarm(self) -> None:
+        """Stop what the stick moves, and ignore it until it is released."""
+        self._is_ignored = self._link.stick is not None
+        self.let_go()
 
     def let_go(self) -> None:
         """Stop what the stick moves."""

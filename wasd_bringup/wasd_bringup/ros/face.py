@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run's face on ROS: its nodes, their clocks, and who drives over them."""
 
+from collections.abc import Callable
 import functools
 import logging
 from typing import Any, cast, TYPE_CHECKING
@@ -23,7 +24,7 @@ from wasd_core.node import MessagePump
 from wasd_core.rotations import Pose
 from wasd_core.signals import letting_go
 from wasd_core.streams import visible
-from wasd_core.topics import TfBroadcaster
+from wasd_core.topics import PublisherWatch, TfBroadcaster
 
 from wasd_bringup.robots import load_class
 from wasd_bringup.ros.controllers import ControllerFace
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from wasd_bringup.ros.foxglove import FoxgloveServer
     from wasd_bringup.run.navigation import NavigationDriver
     from wasd_bringup.tools.recording.recorder import BagRecorder
+
+NO_KEYS = 'nobody publishes its keys any more'
 
 
 class RosFace:
@@ -79,6 +82,15 @@ class RosFace:
         """Where its keys are, by the full name."""
         topic: str = self.keys.resolve_topic_name('keys')
         return topic
+
+    def watch_keyboards(self, lose: Callable[[], None]) -> None:
+        """Call `lose` when the last keyboard of others is gone and its keys move the robot."""
+
+        def on_lost() -> None:
+            if self.robot.drivers.held('topic').keys:
+                lose()
+
+        self._keyboards = PublisherWatch(self.keys, 'keys', on_lost, own=1)
 
     def schedule_sensing(self, schedule: Schedule) -> None:
         """Publish the state on a schedule."""
@@ -149,6 +161,7 @@ class RosFaces(Face):
             # An e-stop of one robot, by topic or service, stops all robots.
             face.drivers.on_stop, face.drivers.on_release = run.e_stop, run.end_e_stop
             face.controller.on_e_stop(functools.partial(run.e_stop, 'service e_stop'))
+            face.watch_keyboards(functools.partial(run.lose, 'topic', face.robot, NO_KEYS))
         self._let_drive()
         time_source = TimeSource()
         time_source.ros_time_is_active = True

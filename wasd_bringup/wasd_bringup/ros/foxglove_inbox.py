@@ -71,6 +71,8 @@ class _Client:
 
     def press(self, robot: Robot, key: str, counts: bool) -> None:
         self.hear()
+        if robot.heeds_e_stop(key, self._name):  # also one that has waited: a stop does no harm
+            return
         if counts:
             robot.press(key, self._name)
         else:

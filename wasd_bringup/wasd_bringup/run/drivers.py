@@ -132,9 +132,9 @@ class Drivers:
         right = right_of(self._driver)
         return DriverState(self._driver, self._since, right, self._asking(), guard=self.guard())
 
-    def moves(self, source: str) -> bool:
-        """Whether a source moves the robot by a pressed or latched key, or by a velocity."""
-        return any(self._holds.get(source, _Hold()).held)
+    def held(self, source: str) -> Held:
+        """Return what of a source moves the robot: pressed or latched keys, a velocity."""
+        return self._holds.get(source, _Hold()).held
 
     def take(
         self, source: str, *, key: str = '', velocity: Iterable[float] = (), what: str = ''

@@ -22,7 +22,7 @@ from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
-from wasd_core.timing import Notice, STOP_KEY
+from wasd_core.timing import Notice, split_event, STOP_KEY
 
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST
@@ -263,11 +263,13 @@ class Robot(ABC):
         self.let_go()
 
     def heeds_e_stop(self, key: str, by: str) -> bool:
-        """Return whether a key is the e-stop, which any source may press; if so, stop."""
-        is_e_stop = key == E_STOP_KEY  # also where a keymap has a meaning for it
-        if is_e_stop:
+        """Return whether a key is that of the e-stop, for any source; if it goes down, stop."""
+        event, name = split_event(key)
+        if name != E_STOP_KEY:  # which has no other meaning, whatever a keymap says
+            return False
+        if not event:
             self.on_e_stop(by)
-        return is_e_stop
+        return True
 
     def let_go(self) -> None:  # noqa: B027  # keys are enough for most
         """Stop faster than keys can, at an e-stop."""

@@ -270,8 +270,14 @@ class Run:
             driver.disarm()
 
     def e_stop(self, by: str) -> None:
-        """Stop every robot for a source; with `--latched` until the release."""
+        """
+        Stop every robot for a source, and end all scripts; with `--latched` until the release.
+
+        A script that stops the robots itself goes on.
+        """
         self.disarm()
+        if by not in ('script', 'recording'):
+            self._end_scripts()
         for tell in self.listeners.of_e_stop:
             tell()
         for number, robot in enumerate(self.robots):
@@ -352,6 +358,9 @@ class Run:
             robot.schedule_sensing(schedule)
             self.face.schedule_sensing(robot, schedule)
         self._is_scheduled = True
+
+    def _end_scripts(self) -> None:
+        self._key_player, self._commands = Player(()), Player(())
 
     def _begin_instant(self) -> None:
         instant = self.world.time
@@ -445,6 +454,8 @@ class Run:
             if notice := self._reader.take_notice():
                 self.robot.say(notice)
             timeout = 0.0
+            if self._reader.closed and self.options.has_guests:  # else the run ends soon
+                self._stop_what_the_keys_moved()
         for driver in self._drivers:
             driver.look()
         now = time.monotonic()
@@ -476,14 +487,24 @@ class Run:
             look(now, view.period)
 
     def _stop_what_the_view_moved(self) -> None:
-        """Stop motion by keys and goals of a lost viewer, with keys as a driver would."""
-        for number, robot in enumerate(self.robots):
-            if robot.drivers.moves('page'):
-                self.press_for(number, (robot.stop_key,), LOST)
-                robot.release('page')
-                robot.say('it was stopped (the viewer that drove it is gone)')
+        """Stop motion by keys and goals of a lost viewer."""
+        for robot in self.robots:
+            if any(robot.drivers.held('page')):
+                self.lose('page', robot, 'the viewer that drove it is gone')
         for each in self.navigations:
             each.lose_page()
+
+    def _stop_what_the_keys_moved(self) -> None:
+        """Stop motion by keys whose pipe or terminal has ended."""
+        for robot in self.robots:
+            if any(robot.drivers.held('keys')):
+                self.lose('keys', robot, 'its keys have ended')
+
+    def lose(self, source: str, robot: Robot, why: str) -> None:
+        """Stop a robot whose source is gone, by a key as a driver would."""
+        self.press_for(self.robots.index(robot), (robot.stop_key,), LOST)
+        robot.release(source)
+        robot.say(f'it was stopped ({why})')
 
     def press_for(self, robot: int, keys: Iterable[str], by: str) -> None:
         """Give keys to a robot, by its number, also if it is not selected."""
