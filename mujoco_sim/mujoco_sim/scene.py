@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 import stat
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -310,12 +311,47 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
             + ', or a floor plan: FILE.yaml, or PICTURE,METRES_PER_PIXEL as in plan.png,0.05'
             + yaml_beside(world)
         )
+    copies = _count_copies(path, [])
+    if copies > MOST_COPIES:
+        raise SimulationError(f'{world}: wanted at most {MOST_COPIES} copies, got {copies:.0f}')
     try:
         surroundings = mujoco.MjSpec.from_file(str(path))
         surroundings.compile()  # here, where its mistakes are known to be the file's
         spec.worldbody.add_frame().attach_body(surroundings.worldbody, 'world/', '')
     except ValueError as error:
         raise SimulationError(f'{world}: {one_line(error)}') from None
+
+
+# What a file's replicate, composite and flexcomp may make, one within the other.
+MOST_COPIES = 100_000
+# So many files, and such large ones [B], are looked into for copies.
+MOST_INCLUDED, LARGEST_INCLUDED = 50, 20_000_000
+
+
+def _count_copies(path: Path, looked: list[Path]) -> float:
+    """Return how many copies an MJCF file makes; of one that is no XML MuJoCo tells more."""
+    looked.append(path)
+    try:
+        about = path.stat()
+        if not stat.S_ISREG(about.st_mode) or about.st_size > LARGEST_INCLUDED:
+            return 1.0
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, OSError, ValueError):
+        return 1.0
+
+    def copies(element: ElementTree.Element) -> float:
+        if element.tag == 'include' and len(looked) < MOST_INCLUDED:
+            return _count_copies(path.parent / element.get('file', ''), looked)
+        own = 1.0
+        if element.tag in ('replicate', 'composite', 'flexcomp'):
+            for word in element.get('count', '').split():
+                own *= float(word) if word.isdecimal() else 1.0
+        return own * max(1.0, sum(map(copies, element)))
+
+    try:
+        return copies(root)
+    except RecursionError:
+        return math.inf
 
 
 def add_slope(spec: mujoco.MjSpec, degrees: float, _: np.random.Generator) -> None:

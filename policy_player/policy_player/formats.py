@@ -299,6 +299,8 @@ def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpe
     count = int(count)
     if said.get('wheel_indices'):
         raise PolicyError('wheel_indices: wheels are not played')
+    if said.get('framework') == 'isaacsim' and {'rows', 'cols'} & said.keys():
+        raise PolicyError('rows, cols: joints by rows and columns are not played')
     ages = _history(said.get('observations_history'))
     priority = said.get('observations_history_priority', 'time')
     if priority not in ('time', 'term'):
@@ -329,7 +331,7 @@ def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpe
         stiffness=check_numbers(_need(said, 'rl_kp'), count, 'rl_kp'),
         damping=check_numbers(_need(said, 'rl_kd'), count, 'rl_kd'),
         default_position=default,
-        action_scale=check_numbers(_need(said, 'action_scale'), count, 'action_scale'),
+        action_scale=_rl_sar_scale(said, count),
         action_offset=default,
         terms=tuple(terms),
         period=math.prod(check_numbers(steps, 2, 'dt, decimation')),
@@ -355,8 +357,23 @@ def _history(ages: Any) -> tuple[int, ...]:
     return tuple(ages)
 
 
+def _rl_sar_scale(said: Mapping[str, Any], count: int) -> tuple[float, ...]:
+    """Return the scale of each action; older files reduce that of the hips."""
+    scale = list(check_numbers(_need(said, 'action_scale'), count, 'action_scale'))
+    share = check_numbers(said.get('hip_scale_reduction', 1.0), 1, 'hip_scale_reduction')[0]
+    hips = said.get('hip_scale_reduction_indices') or []
+    if not isinstance(hips, list) or not all(hip in range(count) for hip in hips):
+        raise PolicyError(f'hip_scale_reduction_indices: wanted numbers from 0 to {count - 1}')
+    for hip in hips:
+        scale[int(hip)] *= share
+    return tuple(scale)
+
+
 def _rl_sar_joints(said: Mapping[str, Any], count: int, assumed: list[str]) -> tuple[str, ...]:
     names = said.get('joint_names')
+    controllers = said.get('joint_controller_names')  # of older files, by the policy's order
+    if names is None and isinstance(controllers, list):
+        names = [f'{str(name).removesuffix("_controller")}_joint' for name in controllers]
     if names is None:
         if count not in MOTOR_ORDER:
             raise PolicyError(

@@ -179,12 +179,13 @@ def _network(root: Module, files: dict[str, bytes]) -> LayeredNetwork:
             raise PolicyError(f'normalizer {normaliser.name}: not known: {CURE}')
         mean, deviation = (np.ravel(tensors[name]).astype(np.float32) for name in names)
         deviation = deviation + np.float32(0.01)  # rsl_rl's epsilon
-    return LayeredNetwork(_layers(chain), mean, deviation)
+    return LayeredNetwork(_layers(chain, files), mean, deviation)
 
 
-def _layers(chain: Module) -> list[Layer]:
-    """Return the layers of a Sequential, or of what holds one."""
+def _layers(chain: Module, files: dict[str, bytes]) -> list[Layer]:
+    """Return the layers of a Sequential, or of what holds one and only hands on to it."""
     while chain.name != 'Sequential':
+        _check_code(chain, files)
         (chain,) = chain.children.values()
     layers: list[Layer] = []
     for index, (name, child) in enumerate(
@@ -197,6 +198,8 @@ def _layers(chain: Module) -> list[Layer]:
                 raise PolicyError(f'layer {name}: weight and bias do not fit')
             layers.append(Layer(weight, bias))
         elif child.name in ACTIVATIONS and layers and layers[-1].activation is None:
+            if child.members.get('alpha', 1.0) != 1.0:
+                raise PolicyError(f'layer {name}, {child.name}: wanted alpha 1: {CURE}')
             layers[-1] = layers[-1]._replace(activation=ACTIVATIONS[child.name])
         elif child.name not in ('Identity', 'Dropout'):
             raise PolicyError(f'layer {index}, {child.name}: not known here: {CURE}')

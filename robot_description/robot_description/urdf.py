@@ -290,7 +290,8 @@ def _joint(tag: ElementTree.Element) -> Joint:
     name = tag.get('name', '')
     where = f'joint {name!r}'
     kind = tag.get('type', 'fixed')
-    axis = read_numbers(tag.find('axis') if kind in MOVABLE else None, 'xyz', '1 0 0', where)
+    has_axis = kind in MOVABLE or kind == 'planar'
+    axis = read_numbers(tag.find('axis') if has_axis else None, 'xyz', '1 0 0', where)
     if not axis.any():
         raise DescriptionError(f'{where}: its axis is zero')
     if kind not in JOINT_KINDS:

@@ -125,3 +125,19 @@ def test_a_file_that_is_no_model_is_one_line(loaded, tmp_path):
     with pytest.raises(SimulationError, match=f'^{path}: ') as caught:
         build_world(loaded, str(path))
     assert '\n' not in str(caught.value)
+
+
+REPLICATED = '<replicate count="1000" offset="1 0 0">'
+
+
+@pytest.mark.parametrize('includes', [False, True])
+def test_a_world_that_makes_endless_copies_is_refused_at_once(loaded, tmp_path, includes):
+    body = f'{3 * REPLICATED}<geom size="0.1"/>{3 * "</replicate>"}'
+    if includes:
+        (tmp_path / 'part.xml').write_text(f'<mujoco><worldbody>{body}</worldbody></mujoco>')
+        body = ''
+    include = '<include file="part.xml"/><include file="/dev/zero"/>' * includes
+    world = tmp_path / 'world.xml'
+    world.write_text(f'<mujoco>{include}<worldbody>{body}</worldbody></mujoco>')
+    with pytest.raises(SimulationError, match='wanted at most 100000 copies, got 100000000'):
+        build_world(loaded, str(world))

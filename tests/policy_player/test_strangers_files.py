@@ -9,6 +9,7 @@ import zipfile
 from cases import for_all
 import numpy as np
 from policy_files import (
+    chain,
     constant,
     deploy,
     exporter,
@@ -364,3 +365,62 @@ def test_two_hundred_corrupted_files_end_in_a_line_or_a_policy(tmp_path, rng):
             refused += 1
             assert '\n' not in str(error)
     assert refused > 100
+
+
+NESTED = (
+    FORWARD.replace('torch.nn.Sequential', 'Actor')
+    + """class Actor(Module):
+  net : __torch__.torch.nn.Sequential
+  def forward(self: __torch__.Actor,
+    x: Tensor) -> Tensor:
+    _0 = self.net
+    return (_0).forward(x, )
+"""
+)
+
+
+def test_torchscript_that_computes_itself_within_is_refused(tmp_path):
+    path, config = tmp_path / 'policy.pt', write(tmp_path, 'config.yaml', rl_sar(MOTORS))
+    actor = TorchModule('Actor', '__torch__', net=chain(*ZERO))
+    root = TorchModule('Exporter', '__torch__', actor=actor)
+    path.write_bytes(torchscript(root, NESTED))
+    assert read_policy(path, config).spec.width == 45
+    before, _, after = NESTED.rpartition('return (')
+    path.write_bytes(torchscript(root, f'{before}return torch.tanh(({after}'))
+    assert 'computes more than its layers do' in refusal(path, config)
+
+
+def test_an_elu_of_another_slope_is_refused(tmp_path):
+    path, config = tmp_path / 'policy.pt', write(tmp_path, 'config.yaml', rl_sar(MOTORS))
+    weights = [np.zeros((8, 45), np.float32), np.zeros((12, 8), np.float32)]
+    root = exporter(weights, [np.zeros(8, np.float32), np.zeros(12, np.float32)])
+    for alpha, is_played in ((1.0, True), (0.3, False)):
+        root.members['actor'].members['1'].members['alpha'] = alpha
+        path.write_bytes(torchscript(root))
+        if is_played:
+            assert read_policy(path, config).spec.width == 45
+        else:
+            assert 'wanted alpha 1' in refusal(path, config)
+
+
+def test_older_files_of_rl_sar_name_controllers_and_reduce_hips(tmp_path, policy):
+    names = [f'{leg}_{part}' for leg in ('FL', 'FR', 'RL', 'RR') for part in PARTS]
+    said = rl_sar(
+        MOTORS,
+        joint_controller_names=[f'{name}_controller' for name in names],
+        hip_scale_reduction=0.5,
+        hip_scale_reduction_indices=[0, 3, 6, 9],
+        action_scale=0.25,
+        dt=0.005,
+        decimation=4,
+    )
+    del said['go2/own']['joint_mapping']
+    spec = read_policy(policy, write(tmp_path, 'config.yaml', said)).spec
+    assert spec.joints == tuple(f'{name}_joint' for name in names)
+    assert spec.action_scale == 4 * (0.125, 0.25, 0.25)
+    assert spec.assumed == ()
+    said['go2/own'] |= {'framework': 'isaacsim', 'rows': 4, 'cols': 3}
+    assert 'rows, cols' in refusal(policy, write(tmp_path, 'config.yaml', said))
+
+
+PARTS = ('hip', 'thigh', 'calf')

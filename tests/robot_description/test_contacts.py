@@ -138,3 +138,13 @@ def test_a_joint_may_float_on_the_world_only():
 def test_a_type_of_joint_that_is_none_is_said_with_those_that_are():
     with pytest.raises(DescriptionError, match=r"'base_a': type 'ball', wanted one of revolute"):
         spec(link('base'), link('a'), joint('base', 'a', 'ball'))
+
+
+@pytest.mark.parametrize('axis', ['1 0 0', '0 0 1', '0 -1 0', '-1 0 0', '1 2 -2'])
+def test_the_axis_of_a_planar_joint_is_the_normal_of_its_plane(axis):
+    planar = joint('base', 'b', 'planar', f'<axis xyz="{axis}"/>')
+    model = spec(link('base'), link('b'), planar).compile()
+    normal = np.array([float(word) for word in axis.split()])
+    first, second, turn = model.jnt_axis[1:]
+    np.testing.assert_allclose(turn, normal / np.linalg.norm(normal), atol=1e-12)
+    np.testing.assert_allclose(np.cross(first, second), turn, atol=1e-12)

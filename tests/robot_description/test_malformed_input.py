@@ -15,6 +15,8 @@ from xml.sax.saxutils import escape
 from cases import for_all
 import pytest
 from robot_description.describe_command import main
+from robot_description.xacro import expand
+from wasd_core.errors import DescriptionError
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LAUGHS = ''.join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
@@ -372,3 +374,23 @@ def test_an_unreadable_file_says_so(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr('wasd_core.safe_files.os.open', refuse)
     assert main(['info', str(path)]) == 2
     assert capsys.readouterr().err == f'error: {path}: Permission denied\n'
+
+
+LICENCE = ''.join(f'<!-- line {n} of a licence -->\n' for n in range(60))
+
+
+def test_a_robot_below_many_comments_loads_and_a_page_below_them_is_none(tmp_path):
+    robot = tmp_path / 'robot.urdf'
+    robot.write_text(f'{LICENCE}<robot name="it"><link name="base"/></robot>')
+    assert expand(robot).count('<link') == 1
+    robot.write_text(f'{LICENCE}<!DOCTYPE html><html></html>')
+    with pytest.raises(DescriptionError, match='is a web page'):
+        expand(robot)
+
+
+@pytest.mark.parametrize('opening', ['<!--', '<?', '#\n\n', '# a\n \n', '<!-- -->'])
+def test_a_file_of_beginnings_without_an_end_is_refused_at_once(tmp_path, opening):
+    robot = tmp_path / 'robot.urdf'
+    robot.write_text(100_000 * opening + '<robot>')
+    with pytest.raises(DescriptionError):
+        expand(robot)

@@ -4,9 +4,11 @@
 from collections.abc import Callable
 import gzip
 from pathlib import Path
+import re
 
 import mujoco
 import numpy as np
+import PIL.Image
 import pytest
 from robot_description.description import load_robot
 from robot_description.lint import lint
@@ -228,4 +230,43 @@ def test_a_gltf_file_counts_with_what_lies_beside_it(tmp_path):
     path = tmp_path / 'box.gltf'
     path.write_text('{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 99000000}]}')
     with pytest.raises(ValueError, match='99 MB, at most 52 are read'):
+        load_mesh(path)
+
+
+def test_an_ascii_stl_in_capitals_is_read(tmp_path):
+    corners = ''.join(f'VERTEX {x} 0\n' for x in ('0 0', '1 0', '0 1'))
+    facet = f'FACET NORMAL 0 0 1\nOUTER LOOP\n{corners}ENDLOOP\nENDFACET\n'
+    path = tmp_path / 'part.stl'
+    path.write_text(f'SOLID part\n{facet}ENDSOLID part\n')
+    assert load_mesh(path).faces.shape == (1, 3)
+    path.write_text(f'SOLID part\n{facet}')
+    with pytest.raises(ValueError, match='there is no endsolid'):
+        load_mesh(path)
+
+
+def test_the_textures_of_a_mesh_are_not_read(tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr(PIL.Image, 'open', lambda *args, **_: opened.append(args))
+    (tmp_path / 'skin.png').write_bytes(b'a picture')
+    (tmp_path / 'part.mtl').write_text('newmtl a\nmap_Kd skin.png\nnewmtl b\nmap_Kd skin.png\n')
+    points = ''.join(f'v {x}\nvt 0 0\n' for x in ('0 0 0', '1 0 0', '0 1 0', '0 0 1'))
+    path = tmp_path / 'part.obj'
+    path.write_text(f'mtllib part.mtl\n{points}usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1/1 2/2 4/4\n')
+    mesh = load_mesh(path)
+    assert (len(mesh.faces), opened) == (2, [])
+    assert np.ptp(mesh.vertices, axis=0).tolist() == [1.0, 1.0, 1.0]
+
+
+def test_a_collada_file_whose_nodes_repeat_each_other_is_refused_at_once(balls, tmp_path):
+    text = balls['dae'].decode()
+    (node,) = re.findall('<instance_geometry.*?</instance_geometry>', text, re.DOTALL)[:1]
+    nodes = f'<node id="n0">{node}</node>'
+    for level in range(1, 8):
+        inside = 10 * f'<instance_node url="#n{level - 1}"/>'
+        nodes += f'<node id="n{level}">{inside}</node>'
+    bomb = text.replace(node, '<instance_node url="#n7"/>', 1)
+    where = bomb.index('<library_visual_scenes')
+    path = tmp_path / 'bomb.dae'
+    path.write_text(f'{bomb[:where]}<library_nodes>{nodes}</library_nodes>{bomb[where:]}')
+    with pytest.raises(ValueError, match='more than 10000 parts'):
         load_mesh(path)

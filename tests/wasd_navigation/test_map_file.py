@@ -165,3 +165,39 @@ def test_a_map_that_cannot_be_written_whole_leaves_the_old_one(
     names = ('house.yaml', 'house.pgm')
     assert [(tmp_path / name).read_bytes() for name in names] == before
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+
+
+@for_all('name', ['flat #2', 'a: b', '[x]', "it's", '"', 'yes', '- a', '1.0', 'ä ö'])
+def test_a_map_of_any_name_is_loaded_again(grid: Grid, tmp_path: Path, name: str) -> None:
+    loaded = load_map(save_map(grid, tmp_path / name)[0])
+    assert np.array_equal(loaded.cells, grid.cells)
+
+
+@for_all('suffix', ['png', 'pgm'])
+def test_a_picture_of_16_bits_is_the_same_map(tmp_path: Path, suffix: str) -> None:
+    greys = np.array([[0, 12, 127, 205, 255]] * 3, dtype=np.uint16)
+    said = f'image: m.{suffix}\nresolution: 0.1\norigin: [0, 0, 0]\n'
+    (tmp_path / 'm.yaml').write_text(said)
+    cells = []
+    for bits, values in ((8, greys.astype(np.uint8)), (16, 257 * greys)):
+        if suffix == 'png':
+            Image.fromarray(values).save(tmp_path / 'm.png')
+        else:
+            data = values.astype('>u2').tobytes() if bits == 16 else values.tobytes()
+            head = f'P5\n5 3\n{2**bits - 1}\n'.encode()
+            (tmp_path / 'm.pgm').write_bytes(head + data)
+        cells.append(load_map(tmp_path / 'm.yaml').cells.tolist())
+    assert cells[0] == cells[1]
+    assert cells[0][0][0] == 100
+    assert cells[0][0][2] == -1
+
+
+def test_in_the_mode_scale_what_is_not_opaque_is_unknown(tmp_path: Path) -> None:
+    pixels = np.zeros((3, 3, 4), dtype=np.uint8)
+    pixels[:, 1] = 255
+    pixels[:, 2] = 0, 0, 0, 0
+    pixels[:, 0, 3] = 255
+    Image.fromarray(pixels).save(tmp_path / 'm.png')
+    said = 'image: m.png\nresolution: 0.1\norigin: [0, 0, 0]\nmode: scale\n'
+    (tmp_path / 'm.yaml').write_text(said)
+    assert load_map(tmp_path / 'm.yaml').cells.tolist() == 3 * [[100, 0, -1]]

@@ -125,7 +125,7 @@ def read_map(path: Path) -> MapPicture:
     if negate not in (0, 1):
         raise MapFileError(f'{path}: negate: wanted 0 or 1, got {_shown(negate)}')
     try:
-        shares = _read_shares(path.parent / image, bool(negate))
+        shares = _read_shares(path.parent / image, bool(negate), mode)
     except UserError as error:
         raise MapFileError(f'{path}: image: {one_line(error)}') from error
     cells = _cells(path, shares, resolution, (free, occupied), mode)
@@ -172,15 +172,20 @@ def _cells(
     cells = np.full(shares.shape, UNKNOWN, dtype=np.int8)
     if mode == 'scale':
         between = np.round(99.0 * (shares - free) / max(1e-9, occupied - free))
-        cells = np.clip(between, 0, 99).astype(np.int8)
+        cells = np.where(np.isnan(between), UNKNOWN, np.clip(between, 0, 99)).astype(np.int8)
     cells[shares > occupied] = OCCUPIED
     cells[shares < free] = FREE
     return np.ascontiguousarray(cells[::-1])
 
 
-def _read_shares(path: Path, negate: bool) -> np.ndarray:
-    """Return how occupied the pixels of a picture are, 0 to 1, shape (rows, columns)."""
+def _read_shares(path: Path, negate: bool, mode: str = 'trinary') -> np.ndarray:
+    """
+    Return how occupied the pixels of a picture are, 0 to 1, shape (rows, columns).
+
+    In the mode scale it is NaN where a pixel is not opaque, as map_server has it.
+    """
     data = read_file(path, LARGEST_PICTURE)
+    opaque: np.ndarray | bool = True
     try:
         with Image.open(BytesIO(data)) as opened:
             picture: Image.Image = opened
@@ -188,15 +193,20 @@ def _read_shares(path: Path, negate: bool) -> np.ndarray:
                 wanted = f'wanted at most {MOST_PIXELS} pixels'
                 raise MapFileError(f'{path}: {wanted}, got {picture.width} x {picture.height}')
             if picture.has_transparency_data:  # it is seen on white
+                picture = picture.convert('RGBA')
+                opaque = np.asarray(picture.getchannel('A')) == 255
                 paper = Image.new('RGBA', picture.size, 'white')
-                picture = Image.alpha_composite(paper, picture.convert('RGBA'))
-            pixels = np.asarray(picture.convert('L'), dtype=np.float32) / np.float32(255)
+                picture = Image.alpha_composite(paper, picture)
+            most = 65535 if picture.mode.startswith('I') else 255  # of 16 bits, or of 8
+            grey = picture if most > 255 else picture.convert('L')
+            pixels = np.asarray(grey, dtype=np.float32) / np.float32(most)
     except UnidentifiedImageError as error:
         why = 'wanted a picture, PGM or PNG' if data else 'the file is empty'
         raise MapFileError(f'{path}: {why}') from error
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise MapFileError(f'{path}: no picture: {one_line(error)}') from error
-    return pixels if negate else 1.0 - pixels
+    shares = pixels if negate else 1.0 - pixels
+    return np.where(opaque, shares, np.float32(np.nan)) if mode == 'scale' else shares
 
 
 def _origin(path: Path, said: dict[Any, Any]) -> tuple[float, float]:

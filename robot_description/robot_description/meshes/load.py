@@ -39,6 +39,10 @@ FARTHEST = 1e9
 # glTF is in metres with y up, except what trimesh wrote. Other formats, but Collada, do not say
 # what they are in: they are taken as they are.
 GLTF = ('.glb', '.gltf')
+# Readers of these take textures, too, unless they are told not to.
+TEXTURED = ('.obj', '.ply', *GLTF)
+# As many as nodes of a COLLADA file may place.
+MOST_PARTS = 10_000
 GLB_MAGIC = b'glTF'
 # How a file begins that is no mesh, and what it is instead.
 LONGEST_HEAD = 512
@@ -210,7 +214,9 @@ def _read_mesh(path: Path) -> Mesh:
             import trimesh
 
             source = _whole_stl(path) if suffix == '.stl' else path
-            merged = trimesh.load_scene(source, file_type=suffix).to_mesh()
+            # Textures would be read, and laid side by side in one picture.
+            bare: dict[str, Any] = {'skip_materials': True} if suffix in TEXTURED else {}
+            merged = trimesh.load_scene(source, file_type=suffix, **bare).to_mesh()
             vertices, faces = np.asarray(merged.vertices), np.asarray(merged.faces)
             if suffix in GLTF and 'trimesh' not in _gltf_generator(path):
                 vertices = vertices @ Y_TO_Z_UP.T
@@ -242,8 +248,8 @@ def _whole_stl(path: Path) -> io.BytesIO:
         ValueError: it ends before.
     """
     data = path.read_bytes()
-    if data.lstrip().startswith(b'solid') and b'facet' in data[:STL_WORDS]:
-        if b'endsolid' not in data:
+    if data.lstrip()[:5].lower() == b'solid' and b'facet' in data[:STL_WORDS].lower():
+        if b'endsolid' not in data.lower():
             raise ValueError('it is cut off: there is no endsolid')
         return io.BytesIO(data)
     count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], 'little')
@@ -350,7 +356,9 @@ def _parts(scene: Any) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield vertices and faces of each part where its nodes place it."""
     from collada.triangleset import BoundTriangleSet
 
-    for geometry in scene.objects('geometry'):
+    for number, geometry in enumerate(scene.objects('geometry')):
+        if number == MOST_PARTS:
+            raise ValueError(f'more than {MOST_PARTS} parts: nodes within nodes repeat them')
         mirrored = np.linalg.det(geometry.matrix[:3, :3]) < 0.0
         for part in geometry.primitives():
             if hasattr(part, 'triangleset'):  # polygons

@@ -157,11 +157,13 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     if joint.kind == 'floating':
         added.append(body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_FREE))
     elif joint.kind == 'planar':
-        # Along two axes of its plane and about the normal on it, which is URDF's default axis, x.
+        # Along two axes of its plane and about the normal on it, the joint's axis.
+        turn = _turn_from_x(joint.axis)
         for end, kind, axis in (
             ('TX', slide, (0.0, 0.0, -1.0)), ('TY', slide, (0.0, 1.0, 0.0)),
             ('RZ', hinge, (1.0, 0.0, 0.0)),
         ):  # fmt: skip
+            axis = turn @ np.array(axis)
             added.append(body.add_joint(name=f'{joint.name}_{end}', type=kind, axis=axis))
     elif joint.is_movable:
         kind = slide if joint.kind == 'prismatic' else hinge
@@ -176,6 +178,16 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     if added and joint.effort:
         # Whatever acts on the joint, in sum; its motor stops there by itself.
         added[0].actfrcrange = -abs(joint.effort), abs(joint.effort)
+
+
+def _turn_from_x(axis: np.ndarray) -> np.ndarray:
+    """Return the shortest rotation (3, 3) that turns x to a unit axis (3,)."""
+    x, y, z = axis
+    if x < -1.0 + 1e-9:  # about z
+        return np.diag((-1.0, -1.0, 1.0))
+    cross = np.array(((0.0, -y, -z), (y, 0.0, 0.0), (z, 0.0, 0.0)))
+    turn: np.ndarray = np.eye(3) + cross + cross @ cross / (1.0 + x)
+    return turn
 
 
 def _drive(spec: mujoco.MjSpec, robot: Robot) -> None:

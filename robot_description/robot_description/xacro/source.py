@@ -116,15 +116,16 @@ BEGINNINGS = (
     (rb'\x7fELF', 'is a program', f'name the robot instead: {WANTED}'),
     (rb'version https://git-lfs', 'is a pointer of Git LFS, not the file itself',
      'get the file: git lfs install, then git lfs pull in its clone'),
-    (rb'(?is)\s*(<!--.*?-->\s*)*<!doctype html', 'is a web page (HTML), not the file itself',
+    (rb'(?is)(?:\s|<!--(?:(?!-->).)*-->)*+<!doctype html',
+     'is a web page (HTML), not the file itself',
      'get the file itself: on GitHub by the button "Raw", or clone the repository'),
     (rb'\s*\{', f'is JSON, {WANTED}', 'name the .urdf or .xacro of the robot'),
-    (rb'(%YAML|---|(\s*#[^\n]*\n|\s)*[\w/.~-]+:(\s|$))', f'is YAML, {WANTED}',
+    (rb'(%YAML|---|(?:#[^\n]*\n|\s)*+[\w/.~-]+:(\s|$))', f'is YAML, {WANTED}',
      'name the .urdf or .xacro of the robot'),
-    (rb'(\s*#[^\n]*\n|\s)*(import|from) \w', f'is a Python program, {WANTED}',
+    (rb'(?:#[^\n]*\n|\s)*+(import|from) \w', f'is a Python program, {WANTED}',
      'name the .urdf or .xacro that it loads'),
     (rb'solid ', 'is a mesh (STL)', 'name the .urdf or .xacro that uses it'),
-    (rb'(glTF|ply\r?\n|(\s*#[^\n]*\n)*\s*(mtllib|o|v) \S)', 'is a mesh (glTF, PLY or OBJ)',
+    (rb'(glTF|ply\r?\n|(?:#[^\n]*\n|\s)*+(mtllib|o|v) \S)', 'is a mesh (glTF, PLY or OBJ)',
      'name the .urdf or .xacro that uses it'),
     (rb'(PXR-USDC|#usda )', f"is USD, Isaac Sim's format, {WANTED}",
      'name the .urdf or .xacro that it was made from'),
@@ -203,7 +204,7 @@ def check_format(data: bytes, path: Path) -> None:
     if b'\0' in data and data[:2] not in (b'\xff\xfe', b'\xfe\xff'):
         what = 'UTF-16 without a mark' if data[1:2] == b'\0' or data[:1] == b'\0' else 'no text'
         _refuse(path, 1, f'is {what}', 'save it as UTF-8')
-    root = ROOT.search(re.sub(rb'(?s)<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>\[]*>', b'', data))
+    root = ROOT.search(_bare(data))
     name = root[1].decode(errors='replace') if root else ''
     if root and name in ROOTS:
         what, cure = ROOTS[name]
@@ -212,6 +213,20 @@ def check_format(data: bytes, path: Path) -> None:
         what = f"is SRDF, MoveIt's groups of a robot's joints, {WANTED}"
         _refuse(path, 1, what, 'name the .urdf or .xacro that it belongs to')
     _check_encoding(data, path)
+
+
+def _bare(data: bytes) -> bytes:
+    """Return XML without comments and processing instructions, in a time that grows with it."""
+    for opening, closing in ((b'<!--', b'-->'), (b'<?', b'?>')):
+        parts, at = [], 0
+        while (start := data.find(opening, at)) >= 0:
+            end = data.find(closing, start + len(opening))
+            if end < 0:
+                break
+            parts.append(data[at:start])
+            at = end + len(closing)
+        data = b''.join((*parts, data[at:]))
+    return data
 
 
 def _is_stl(data: bytes) -> bool:

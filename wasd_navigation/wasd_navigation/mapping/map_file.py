@@ -6,11 +6,13 @@ The picture's first row is the grid's last. Trinary: black is occupied, nearly w
 unknown.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
 from wasd_core.map_picture import FREE_THRESHOLD, MapFileError, OCCUPIED_THRESHOLD, read_map
 from wasd_core.output_file import OutputError, OutputFile
+import yaml
 
 from wasd_navigation.records import FREE, Grid
 
@@ -55,7 +57,7 @@ def save_map(grid: Grid, path: Path) -> tuple[Path, Path]:
     rows, columns = len(pixels), len(pixels[0])
     # Numbers as map_saver writes them; the third of the origin is a yaw.
     lines = (
-        f'image: {picture.path.name}',
+        f'image: {_written(picture.path.name)}',
         'mode: trinary',
         f'resolution: {grid.resolution!r}',
         f'origin: [{grid.origin[0]!r}, {grid.origin[1]!r}, 0]',
@@ -66,6 +68,15 @@ def save_map(grid: Grid, path: Path) -> tuple[Path, Path]:
     picture.write(f'P5\n{columns} {rows}\n255\n'.encode() + pixels[::-1].tobytes())
     text.write(('\n'.join(lines) + '\n').encode())
     return text.path, picture.path
+
+
+def _written(name: str) -> str:
+    """Return a name as YAML has it: in quotes where it would mean something else."""
+    try:
+        is_plain = yaml.safe_load(f'image: {name}') == {'image': name}
+    except yaml.YAMLError:
+        is_plain = False
+    return name if is_plain else json.dumps(name, ensure_ascii=False)
 
 
 def load_map(path: Path) -> Grid:
