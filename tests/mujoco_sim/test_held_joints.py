@@ -9,6 +9,8 @@ from mujoco_sim.world import build_world, World
 import numpy as np
 import pytest
 from robot_description.description import parse_description
+from robot_description.morphology.equip_wheels import held_joints
+from robot_description.morphology.wheels import find_drive
 from wasd_core.robot_io import JointCommand
 
 HOLD = -0.4
@@ -61,3 +63,34 @@ def test_a_held_joint_obeys_a_command_from_then_on_until_a_reset() -> None:
     world.reset()
     world.step(500)
     assert world.joints().position[0] == pytest.approx(HOLD, abs=0.005)
+
+
+def part(name: str, parent: str, kind: str, origin: str, axis: str, shape: str) -> str:
+    """Return a link of a kilogram on a joint with a motor."""
+    return (
+        f'<link name="{name}">{inertial(1.0, 0.1)}<collision>'
+        f'<origin rpy="1.5707963 0 0"/><geometry>{shape}</geometry></collision></link>'
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
+        f'<origin xyz="{origin}"/><axis xyz="{axis}"/>'
+        '<limit lower="-2" upper="2" effort="40" velocity="9"/></joint>'
+    )
+
+
+def test_continuous_joints_of_an_arm_are_held_and_those_of_wheels_and_casters_are_not() -> None:
+    box, wheel = '<box size="0.05 0.3 0.05"/>', '<cylinder radius="0.1" length="0.04"/>'
+    text = (
+        f'<robot name="r"><link name="base">{inertial(9.0, 0.2)}<collision><geometry>'
+        '<box size="0.5 0.3 0.1"/></geometry></collision></link>'
+        + part('left', 'base', 'continuous', '0 0.2 0', '0 1 0', wheel)
+        + part('right', 'base', 'continuous', '0 -0.2 0', '0 1 0', wheel)
+        + part('swivel', 'base', 'continuous', '-0.25 0 -0.03', '0 0 1', '<sphere radius="0.01"/>')
+        + part('caster', 'swivel', 'continuous', '-0.02 0 -0.03', '0 1 0',
+               '<cylinder radius="0.04" length="0.02"/>')
+        + part('shoulder', 'base', 'continuous', '0.1 0 0.1', '0 1 0', box)
+        + part('elbow', 'shoulder', 'revolute', '0 0 0.3', '0 1 0', box)
+        + '</robot>'
+    )  # fmt: skip
+    robot = parse_description(text, Path('r.urdf')).robot
+    drive = find_drive(robot)
+    assert [each.joint.name for each in drive.wheels] == ['left', 'right']
+    assert held_joints(robot, drive) == {'shoulder': 0.0, 'elbow': 0.0}

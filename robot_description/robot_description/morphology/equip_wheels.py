@@ -28,6 +28,7 @@ from wasd_core.robot_io import GRAVITY, TIME_STEP
 from wasd_core.rotations import Origin, rpy_from_matrix
 
 from robot_description.meshes.load import mesh_points
+from robot_description.morphology.rollers import rolling_joints
 from robot_description.morphology.tyre import carried, Tyre
 from robot_description.morphology.wheels import Drive
 from robot_description.robot import Joint, Link, Robot, Shape
@@ -199,10 +200,16 @@ def hanging(robot: Robot, drive: Drive) -> tuple[str, ...]:
 
 def held_joints(robot: Robot, drive: Drive) -> dict[str, float]:
     """Return where the motors of what a wheeled robot carries, an arm say, hold [rad] or [m]."""
+    if not drive.wheels:
+        return {}
+    wheels = {wheel.joint.name for wheel in drive.wheels} | {joint.name for joint in drive.idle}
+    rolling = rolling_joints(robot) | wheels
     return {
         joint.name: joint.rest
         for joint in robot.movable_joints
-        if drive.wheels and joint.kind != 'continuous' and joint.effort > 0.0 and not joint.mimics
+        if (joint.kind != 'continuous' or joint.name not in rolling)
+        and joint.effort > 0.0
+        and not joint.mimics
     }
 
 

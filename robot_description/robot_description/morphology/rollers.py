@@ -88,6 +88,13 @@ def find_rollers(robot: Robot) -> list[Roller]:
     return [each for each in found if each.bottom <= ground + max(LIFTED * each.radius, TRAIL)]
 
 
+def rolling_joints(robot: Robot) -> frozenset[str]:
+    """Return the joints that turn a round part, and those that steer what a robot rolls on."""
+    round_parts = {joint.name for joint in robot.movable_joints if _roller(robot, joint)}
+    steering = {joint.name for roller in find_rollers(robot) for joint in roller.above}
+    return frozenset(round_parts | steering)
+
+
 def _roller(robot: Robot, joint: Joint) -> list[Roller]:
     """Return the round part that a joint turns freely about a level axis, or nothing."""
     frame = robot.rest_poses[joint.child]
