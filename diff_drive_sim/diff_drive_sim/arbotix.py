@@ -184,8 +184,8 @@ class ArbotixHost:
 
     @property
     def timed_out(self) -> bool:
-        """Whether the last update found no command young enough."""
-        return self._updated_at > self._commanded_at + self._timeout
+        """Whether the last update found no command young enough; a time-out of 0 never comes."""
+        return 0 < self._timeout < self._updated_at - self._commanded_at
 
     def update(self, now: int, left: int, right: int) -> bool:
         """Do what is due at a time [ns] with encoders at these ticks; return whether it was."""

@@ -268,6 +268,11 @@ class DiffDriveControllerNode(Node):
                 once=True,
             )
             return
+        if not all(map(math.isfinite, wheels)):
+            self.get_logger().warning(
+                'joint_states: wanted finite wheel angles: ignored', throttle_duration_sec=5.0
+            )
+            return
         now = to_seconds(message.header.stamp)
         self._absence.beat()
         command = self.unit.control(wheels[0], wheels[1], *self._elapsed(now))

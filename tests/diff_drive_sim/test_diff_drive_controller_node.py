@@ -175,6 +175,15 @@ def test_a_state_is_answered_with_wheel_speeds_and_gains(driver, peer, feed):
     assert list(gains.positions) == [0.0, 0.0]
 
 
+@pytest.mark.parametrize('angle', [math.nan, math.inf])
+def test_wheel_angles_that_are_not_finite_are_ignored_with_one_warning(peer, feed, capfd, angle):
+    peer.states.publish(JointState(name=WHEELS, position=[angle, 0.0]))
+    peer.states.publish(JointState(name=WHEELS, position=[0.0, angle]))
+    feed(1.0)  # alive
+    said = capfd.readouterr().err
+    assert said.count('joint_states: wanted finite wheel angles: ignored') == 1
+
+
 def test_after_a_gap_it_eases_in(driver, feed):
     driver.cmd_vel.hear(twist(1.0))
     feed(1.0)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mode arbotix with legacy: arbotix_driver behind our controller's interface."""
 
+from dataclasses import replace
 import math
 
 from diff_drive_sim.drive import DiffDrive
@@ -73,3 +74,10 @@ def test_odometry_can_be_set_and_reset(unit):
     assert (state.x, state.y, state.yaw) == (1.0, 2.0, 0.5)
     unit.controller.reset_odometry()
     assert unit.controller.odometry_state.x == 0.0
+
+
+def test_a_time_out_of_zero_never_comes(mbot):
+    unit = DiffDrive(mbot, replace(LEGACY, cmd_vel_timeout=0.0))
+    unit.controller.command(0.5, 0.0)
+    assert setpoints(unit, 3.0)[-1][1][0] > 60
+    assert unit.controller.state == 'driving'

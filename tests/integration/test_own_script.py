@@ -130,6 +130,19 @@ def test_a_velocity_ends_with_the_state_that_follows_it():
     assert np.hypot(*(dog.truth.position - start)[:2]) > 0.2
 
 
+def test_a_run_that_was_interrupted_in_the_midst_of_a_step_goes_on():
+    import wasd
+
+    dog = wasd.Go2(estimator='truth')
+    dog.press('2')
+    dog.run(1.5)
+    dog._robot.control()  # as by a run that Ctrl-C ends before physics goes on
+    dog._robot.control()
+    dog.run(0.2)
+    assert dog.state == 'fixed stand'
+    assert dog.truth.position[2] > 0.25
+
+
 def test_the_go2_walks_one_foot_after_the_other():
     import wasd
 

@@ -83,6 +83,21 @@ def test_a_fall_ends_an_episode_and_twenty_seconds_do(env):
     assert env.spec.max_episode_steps * SPEC.period == 20.0
 
 
+def test_no_episode_of_a_robot_that_is_upright_and_high_ends(env):
+    env.action_space.seed(1)
+    ends = 0
+    for seed in range(12):
+        env.reset(seed=seed)
+        for _ in range(60):
+            _, _, terminated, _, info = env.step(env.action_space.sample())
+            if terminated:
+                ends += 1
+                truth = info['truth']
+                assert truth.tilt > 0.5 or truth.position[2] < 0.2
+                break
+    assert ends > 0
+
+
 def test_robots_differ_by_episode_as_much_as_is_asked():
     env = gymnasium.make(NAME, randomise=1.0)
     masses = []

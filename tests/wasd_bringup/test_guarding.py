@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--guard` in a run: for each source the robot stops before what its lidar sees."""
 
+from diff_drive_sim.odometry import PlanarCovariance
 import numpy as np
 import pytest
 from wasd_bringup.run.navigation import _settings
@@ -153,3 +154,14 @@ def test_a_way_has_as_much_room_as_the_guard_keeps(begin, robot):
     assert HARD * settings.planning.margin >= kept - 1e-9
     if robot == 'mbot':  # noise of its lidar does not let the guard stop it on its way
         assert HARD * settings.planning.margin == pytest.approx(kept + NOISE)
+
+
+def test_odometry_that_is_set_again_forgets_no_wall(begin):
+    guarded = begin('mbot')
+    drive = by_velocity('page')(guarded, 0.5)
+    guarded.repeat(drive, 5.0)
+    assert KEPT < guarded.room < 0.2
+    for pose in ((5.0, 3.0, 1.0), (0.0, 0.0, 3.0), (-2.0, 0.0, 0.0)):
+        guarded.robot.drive_unit.controller.set_odometry(*pose, PlanarCovariance())
+        guarded.repeat(drive, 0.5)
+    assert guarded.room > KEPT

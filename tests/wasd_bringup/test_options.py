@@ -2,6 +2,7 @@
 """Options: checked before anything starts, with defaults that the contract names."""
 
 import argparse
+from dataclasses import replace
 import math
 import os
 from pathlib import Path
@@ -144,6 +145,21 @@ def test_what_the_controller_is_not_told_is_read(read):
     ).untold
     assert untold == Untold(
         friction=0.3, payload=Payload(8.0, (0.0, 0.1, 0.0)), randomise=1.0, imu_drift=2.0
+    )
+
+
+def test_a_recording_knows_what_guards_a_robot_and_what_walks_it(read, tmp_path):
+    network = tmp_path / 'walk.onnx'
+    network.write_bytes(b'')
+    more = {'policy': str(network), 'policy_config': 'deploy.yaml', 'height_scan': 'truth'}
+    options = replace(read('--guard', '--eyes'), **more)
+    recorded = recorded_options(describe_run(options))
+    assert (recorded.guard, recorded.eyes) == (True, True)
+    assert {name: getattr(recorded, name) for name in more} == more
+    older = {name: value for name, value in describe_run(options).items() if name not in
+             ('guard', 'eyes', *more)}  # fmt: skip
+    assert recorded_options(older) == replace(
+        recorded, guard=False, eyes=False, policy=None, policy_config=None, height_scan='map'
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from std_msgs.msg import String
 from wasd_bringup.cli.options import add_run_options, read_options
+from wasd_bringup.cli.run_command import _missed_goals
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.inputs import SWITCH_KEY
@@ -484,6 +485,21 @@ def test_a_session_goes_on_in_a_map_that_is_named(read, tmp_path):
         read('--map', str(saved), '--save-map', str(saved))
 
 
+@pytest.mark.parametrize('plan', ['plan.pgm,0.05', 'plan.yaml'])
+@pytest.mark.parametrize('option', ['--world', '--keepout'])
+def test_no_output_takes_the_place_of_a_plan_s_picture(read, tmp_path, plan, option):
+    (tmp_path / 'plan.pgm').write_bytes(b'P5\n9 9\n255\n' + bytes(81))
+    said = 'image: plan.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
+    (tmp_path / 'plan.yaml').write_text(said)
+    words = option, str(tmp_path / plan)
+    for output in (
+        ('--save-map', str(tmp_path / 'plan')),
+        ('--report', str(tmp_path / 'plan.pgm')),
+    ):
+        with pytest.raises(UserError, match='the same file'):
+            read(*words, *output)
+
+
 @pytest.mark.parametrize('words', ['1', '1 2 3 4', 'a b', '1 nan', ''])
 def test_a_goal_that_is_none_is_refused_in_one_line(read, words):
     with pytest.raises(UserError, match=r"--goal: got .*, wanted 'X Y' or 'X Y YAW'"):
@@ -525,3 +541,12 @@ def test_the_footprint_is_what_collides(session_of):
     assert dog.footprint.half_width == pytest.approx(0.16, abs=0.02)
     assert dog.limits.lateral == 0.3
     assert np.isfinite([dog.limits.forward, dog.limits.yaw]).all()
+
+
+def test_a_goal_that_was_no_place_is_told_at_the_end():
+    goals = [
+        {'goal': [1.5, 2.0, None], 'state': 'failed', 'reason': 'no way'},
+        {'goal': [None, None, None], 'state': 'refused', 'reason': "wanted a pose in 'map'"},
+    ]
+    lines = list(_missed_goals({'navigation': {'goals': goals}}))
+    assert lines == ['goal 1.5 2 failed: no way', "goal refused: wanted a pose in 'map'"]

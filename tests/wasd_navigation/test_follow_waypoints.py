@@ -229,6 +229,23 @@ def test_another_goal_takes_the_place_of_the_waypoints(client, by):
 
 @slow
 @needs_nav2
+def test_between_two_waypoints_other_ones_take_their_place_and_each_has_its_own_end(client):
+    first = client.send(1.0, 2.0)
+    client.wait(
+        lambda: client.logic.goal is None and client.navigation.is_following, client.navigator.step
+    )
+    second = client.send(5.0, 6.0)
+    assert client.result(first)[0] == GoalStatus.STATUS_ABORTED
+    client.logic.pilot.end = ('driving', '')
+    client.wait(lambda: client.logic.goal is not None, client.navigator.step)
+    client.wait(second.cancel_goal_async().done)
+    assert client.result(second)[0] == GoalStatus.STATUS_CANCELED
+    assert client.logic.goal is None
+    assert not client.navigation.is_following
+
+
+@slow
+@needs_nav2
 @pytest.mark.parametrize(
     ('places', 'frame', 'refusal', 'words'),
     [

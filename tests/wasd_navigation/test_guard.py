@@ -316,3 +316,15 @@ def test_keys_held_at_full_speed_touch_nothing_and_still_drive(footprint, full) 
     held = [hold_keys(seed, footprint, full, guards=True) for seed in seeds]
     assert min(room for room, _ in held) > 0.0
     assert np.median([way for _, way in held]) > 0.8
+
+
+@for_all('after', [(5.0, 3.0, 1.0), (0.0, 0.0, -2.0), (-4.0, 0.5, 3.0)])
+def test_what_is_known_stays_in_its_place_when_odometry_is_set_again(after) -> None:
+    before = 2.0, -1.0, 0.5
+    guard = Guard(ROUND, BRAKING, GuardParameters())
+    guard.see(scan_of(wall(0.35)), at(before))
+    asked = np.array((0.4, 0.0, 0.1))
+    slowed = guard.step(asked, at(before), 0.0).velocity
+    assert 0.0 < slowed[0] < 0.4
+    guard.take_leap(np.array(before), np.array(after))
+    assert guard.step(asked, at(after), 0.0).velocity == pytest.approx(slowed, abs=1e-6)

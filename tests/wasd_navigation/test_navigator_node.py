@@ -79,6 +79,14 @@ def test_a_goal_in_another_frame_is_ignored_and_said(rig):
     assert rig.said == ["goal_pose: wanted a pose in 'map', got 'moon': ignored"]
 
 
+@pytest.mark.parametrize('frame', ['odom', 'base'])
+def test_a_goal_in_its_own_frames_is_ignored_while_it_searches_for_its_place(rig, frame):
+    rig.navigator.locator.is_found = False
+    rig.node._on_goal(goal_at(1.0, 2.0, 0.0, frame))
+    assert rig.navigator.goal is None
+    assert rig.said == [f"goal_pose: wanted a pose in 'map', got {frame!r}: ignored"]
+
+
 def test_a_goal_that_is_no_pose_is_ignored_and_said(rig):
     for broken in (PoseStamped(), goal_at(math.nan, 0.0, 0.0)):
         broken.pose.orientation.w = 0.0

@@ -18,8 +18,8 @@ from typing import Any
 
 import gymnasium
 from mujoco_sim.parameters import Untold
+from mujoco_sim.robot_setup import foot_links, RobotSetup, usual_setup
 from mujoco_sim.robot_setup import randomise as draw
-from mujoco_sim.robot_setup import RobotSetup, usual_setup
 from mujoco_sim.sensors.camera import Frustum, Offscreen
 from mujoco_sim.sensors.heights import true_heights
 from mujoco_sim.world import build_world, FALL_TILT, LONG_STEP, World
@@ -226,9 +226,8 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
         joints = list(SPEC.joints)
         self._joints = np.array([world.joint_names.index(name) for name in joints])
         self._motors = np.array([joints.index(name) for name in world.motor_names])
-        own = np.flatnonzero(world.model.body_rootid == world.root)
-        # A view on MuJoCo's own memory: a robot's bodies are one after the other in it.
-        self._heights_of_bodies = world.data.xpos[own[0] : own[-1] + 1, 2]
+        feet = foot_links(self._loaded)
+        self._feet = np.flatnonzero([link in feet for link in world.parts.link_of_geom])
         self._steps = round(SPEC.period / world.time_step)
         self._default, self._scale = np.array(DEFAULT), np.array(SPEC.action_scale)
         gains = np.array((SPEC.stiffness, SPEC.damping))[:, self._motors]
@@ -254,7 +253,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
     def _height(self, truth: BaseState) -> float:
         """Return the height of the base over the lowest foot [m], about."""
         # Faster in plain numbers than by numpy.
-        lowest: float = min(self._heights_of_bodies.tolist())
+        lowest: float = min(self._world.data.geom_xpos[self._feet, 2].tolist())
         return float(truth.position[2]) - lowest
 
     def _reward(self, truth: BaseState, tilt: float, change: np.ndarray) -> float:

@@ -10,6 +10,7 @@ import time
 from types import MappingProxyType
 from typing import Any
 
+import mujoco
 from mujoco_sim.parameters import NOTHING, SimulatorParameters, Untold
 from mujoco_sim.pictures import take_picture, Viewpoint
 from quadruped_sim.keys import FOLLOWING, STATE_KEYS, StateName
@@ -126,7 +127,7 @@ class Robot:
         Write a picture of the present scene, 1280 x 720, for instance a PNG.
 
         Raises:
-            UserError: the file cannot be written, or has no ending of a picture.
+            UserError: the file cannot be written, has no ending of a picture, or nothing draws.
         """
         with self._alone('picture'):
             view = Viewpoint(self.truth.position.tolist(), self._distance, AZIMUTH, ELEVATION)
@@ -134,6 +135,9 @@ class Robot:
                 take_picture(self._world, view, Path(path))
             except (OSError, ValueError) as error:
                 raise UserError(f'picture: {path}: {one_line(error)}') from error
+            except mujoco.FatalError as error:
+                cure = 'import wasd before mujoco, or set MUJOCO_GL=egl or osmesa'
+                raise UserError(f'picture: {one_line(error)}: {cure}') from error
 
     def show(self) -> None:
         """

@@ -87,6 +87,19 @@ def read_plan(words: str) -> MapPicture:
     return MapPicture(cells, scale, (-0.5 * scale * columns, -0.5 * scale * rows))
 
 
+def files_of(words: str) -> list[str]:
+    """Return the files that are read for a plan, or the words as they are where it is none."""
+    if _scale(words) is not None:
+        return [words.rpartition(',')[0]]
+    if Path(words).suffix.lower() not in TEXTS:
+        return [words]
+    try:
+        image = _read_yaml(Path(words)).get('image')
+    except UserError:  # which is said when it is used
+        image = None
+    return [words, str(Path(words).parent / image)] if isinstance(image, str) else [words]
+
+
 def _scale(words: str) -> float | None:
     """Return the number after the last comma, where there is one."""
     path, comma, number = words.rpartition(',')

@@ -105,7 +105,8 @@ class Action(ABC):
 
     def _on_goal(self, handle: Any) -> None:
         # No standstill is commanded between two goals, unless the new one is refused.
-        was_driving = self._navigation.navigator.cancel(REPLACED)
+        # The goal before is told its end while its handle is still here.
+        was_driving = self._navigation.give_up(REPLACED)
         self._handle = handle
         handle._update_state(GoalEvent.EXECUTE)  # `execute` would run to the end at once
         try:

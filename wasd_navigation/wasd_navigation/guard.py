@@ -19,7 +19,7 @@ from wasd_navigation.guard_parameters import GuardParameters
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import Footprint
 from wasd_navigation.records import Scan
-from wasd_navigation.se2 import inverse, transform
+from wasd_navigation.se2 import compose, inverse, transform
 
 # What is hidden from the lidar now is remembered for so long [s], up to so far away [m].
 MEMORY, MEMORY_REACH = 10.0, 3.0
@@ -109,6 +109,10 @@ class Guard:
         self._points = np.empty((0, 2))  # in the odom frame [m]
         self._ages = np.empty(0)  # since each was seen [s]
         self.last = Guarded(np.zeros(3))
+
+    def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
+        """Keep what is known in its place while odometry is set to another pose, shape (3,)."""
+        self._points = transform(compose(after, inverse(before)), self._points)
 
     def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
         """Take a scan and the odometry of its time, which is `age` [s] ago."""

@@ -21,7 +21,7 @@ from wasd_core.topics import LATCHED, RELIABLE, SENSOR_DATA, tf_message_type, TF
 from wasd_navigation.guard import Guard, warm_up
 from wasd_navigation.guard_parameters import guard, GuardNodeParameters
 from wasd_navigation.messages import take_fixed_frames, take_scan, to_velocity
-from wasd_navigation.odometry import Odometry
+from wasd_navigation.odometry import leaps, Odometry
 from wasd_navigation.records import Scan
 from wasd_navigation.senses import Senses
 
@@ -54,6 +54,7 @@ class GuardNode(Node):
         self._odometry: Odometry | None = None
         self._asked, self._heard = np.zeros(3), Watchdog(IN_FORCE)
         self._stepped_at: float | None = None
+        self._odom_at = 0.0
         self._base_frame = ''
         self._is_stamped = settings.enable_stamped_cmd_vel
         kind = TwistStamped if self._is_stamped else Twist
@@ -114,9 +115,14 @@ class GuardNode(Node):
         now = to_seconds(message.header.stamp)
         frames = message.header.frame_id, message.child_frame_id
         odometry = self.senses.read_odometry(now, from_odometry(message), frames)
-        if odometry is not None:
-            self._odometry = odometry
-            self.senses.add_odometry(now, odometry)
+        if odometry is None:
+            return
+        before, self._odometry = self._odometry, odometry
+        if before is not None and leaps(before.pose, odometry.pose, max(now - self._odom_at, 0.0)):
+            self.senses.forget_odometry(now)
+            self.guard.take_leap(before.pose, odometry.pose)
+        self._odom_at = now
+        self.senses.add_odometry(now, odometry)
 
     def _on_scan(self, message: LaserScan) -> None:
         take_scan(message, self.senses)

@@ -12,7 +12,7 @@ from wasd_navigation.exploring import Explorer
 from wasd_navigation.keepout import Keepout
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.odometry import Odometry
+from wasd_navigation.odometry import leaps, Odometry
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid, Scan, UNKNOWN
 from wasd_navigation.se2 import compose, inverse, transform
@@ -29,8 +29,6 @@ LOOK_PERIOD = 1.0
 # The robot counts as stuck only this long after a goal came [s]: before that it may have got stuck
 # on the way to the last goal.
 STUCK_AFTER = 2.5
-# Odometry that has moved more than this, and than so fast, has been set again [m], [rad], [m/s].
-LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
 NOWHERE = np.full(3, math.nan)
 # A robot that maps takes goals up to so far beyond its map [m], and plans with so much around one.
 BEYOND, AROUND_GOAL = 50.0, 2.0
@@ -165,19 +163,14 @@ class Navigator:
         """
         if not (np.isfinite(odometry.pose).all() and np.isfinite(odometry.velocity).all()):
             return False
-        leaps = self._odometry is not None and self._leaps(self._odometry.pose, odometry.pose)
-        if self._odometry is not None and leaps:
-            self.locator.take_leap(self._odometry.pose, odometry.pose)
+        before, self._odometry = self._odometry, odometry
+        has_leapt = before is not None and leaps(before.pose, odometry.pose, self._fresh.age)
+        if before is not None and has_leapt:
+            self.locator.take_leap(before.pose, odometry.pose)
             self._seen = None
             self.pilot.pause()
-        self._odometry = odometry
         self._fresh.hear()
-        return leaps
-
-    def _leaps(self, before: np.ndarray, after: np.ndarray) -> bool:
-        move = compose(inverse(before), after)
-        way, free = math.hypot(move[0], move[1]), LEAP_RATE * self._fresh.age
-        return bool(way > LEAP + free or abs(move[2]) > LEAP_TURN + free)
+        return has_leapt
 
     def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
         """Take a scan and the odometry of its instant, which is `age` [s] ago."""

@@ -182,9 +182,13 @@ class NavigatorNode(Node):
             InvalidMessage: it is no pose, or in a frame from which no way leads to the map.
         """
         goal, frame = to_planar(from_pose(message.pose)), message.header.frame_id.lstrip('/')
-        known = {self.navigation.odom_frame.lstrip('/'): self.navigator.locator.correction}
-        if self.navigator.pose is not None:
-            known[self.navigation.base_frame.lstrip('/')] = self.navigator.pose
+        navigator, known = self.navigator, {}
+        # A map that begins with the robot is where odometry is.
+        begins = navigator.is_mapping and getattr(navigator.locator, 'is_found', True)
+        if navigator.is_placed or begins:
+            known[self.navigation.odom_frame.lstrip('/')] = navigator.locator.correction
+            if navigator.pose is not None:
+                known[self.navigation.base_frame.lstrip('/')] = navigator.pose
         # Last: no robot's frame is the map's, whatever it is called.
         known[''] = known[self.settings.map_frame.lstrip('/')] = np.zeros(3)
         if frame not in known:

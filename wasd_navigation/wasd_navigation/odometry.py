@@ -19,6 +19,8 @@ REMEMBERED = 100
 LEAST_WAY, LEAST_TURN, STANDING = 1e-6, 1e-6, 1e-8
 # What is not known of the move in which odometry was set again [m^2], [rad^2].
 LEAP = np.diag((0.05**2, 0.05**2, 0.05**2))
+# Odometry that has moved more than this, and than so fast, has been set again [m], [rad], [m/s].
+LEAP_WAY, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
 # Nothing drives so far [m] or so fast [m/s, rad/s].
 FARTHEST, FASTEST = 1e6, 1e3
 # What a longer quaternion says, or one shorter than its inverse, is noise.
@@ -40,6 +42,13 @@ class Odometry(NamedTuple):
     velocity: np.ndarray
     covariance: np.ndarray
     level: Pose
+
+
+def leaps(before: np.ndarray, after: np.ndarray, dt: float) -> bool:
+    """Return whether odometry was set again between two poses, shape (3,), `dt` [s] apart."""
+    move = compose(inverse(before), after)
+    way, free = math.hypot(move[0], move[1]), LEAP_RATE * dt
+    return bool(way > LEAP_WAY + free or abs(move[2]) > LEAP_TURN + free)
 
 
 def read_odometry(base: BaseOdometry) -> Odometry:

@@ -262,10 +262,15 @@ class RobotNavigator:
     def stop(self, why: str) -> bool:
         """Cancel the goal and command standstill; return whether there was a goal."""
         self._explorer = None
-        was_driving = self.navigator.cancel(why)
-        self._end_waypoints(Outcome('cancelled', why))
+        was_driving = self.give_up(why)
         if was_driving:
             self.stand()
+        return was_driving
+
+    def give_up(self, why: str) -> bool:
+        """Cancel the goal, and waypoints also between two goals; return whether it drove."""
+        was_driving = self.navigator.cancel(why)
+        self._end_waypoints(Outcome('cancelled', why))
         return was_driving
 
     def stand(self) -> None:

@@ -693,6 +693,13 @@ def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
         path = getattr(arguments, name, None)
         if name == 'map' and options.continues:
             continue  # it may take the place of what it goes on with
-        if isinstance(path, str) and os.path.exists(path):
-            inputs.append((f'--{name}', path))
+        if not isinstance(path, str):
+            continue
+        files = [path]
+        if name in ('world', 'map', 'keepout'):
+            # Here, because --help does without pictures.
+            from wasd_core.map_picture import files_of
+
+            files = files_of(path)
+        inputs += [(f'--{name}', file) for file in files if os.path.exists(file)]
     check_apart([output for output in outputs if output is not None], inputs)

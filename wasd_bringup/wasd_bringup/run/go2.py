@@ -237,6 +237,8 @@ class Go2(Robot):
 
     def control(self) -> None:
         """Step the controller on the present state, and give its command to the world."""
+        if self.world.tick == self._stepped:
+            return  # this instant again, after Ctrl-C in somebody's notebook
         world, dt, self._stepped = self.world, self._waited(), self.world.tick
         truth = world.base_since_start() if self.options.estimator == 'truth' else None
         if self.outside is not None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from wasd_navigation.guard import Guard, warm_up
-from wasd_navigation.odometry import Odometry
+from wasd_navigation.odometry import leaps, Odometry
 from wasd_navigation.parameters import footprint_of
 from wasd_navigation.records import Scan
 from wasd_navigation.senses import Senses
@@ -38,7 +38,7 @@ class RobotGuard:
         self._senses.on_scan = self._see
         self._odometry: Odometry | None = None
         self._asked: tuple[float, ...] | None = None
-        self._stepped_at = robot.world.time
+        self._stepped_at = self._heard_at = robot.world.time
         robot.hold_back(self._limit)
         robot.guard_words = lambda: self.words
         robot.drivers.guard = lambda: self.action
@@ -73,9 +73,14 @@ class RobotGuard:
             return
         now = self._robot.world.time
         odometry = self._senses.read_odometry(now, base, self._robot.frames)
-        if odometry is not None:
-            self._odometry = odometry
-            self._senses.add_odometry(now, odometry)
+        if odometry is None:
+            return
+        before, self._odometry = self._odometry, odometry
+        if before is not None and leaps(before.pose, odometry.pose, now - self._heard_at):
+            self._senses.forget_odometry(now)
+            self.unit.take_leap(before.pose, odometry.pose)
+        self._heard_at = now
+        self._senses.add_odometry(now, odometry)
 
     def _see(self, scan: Scan, odometry: Odometry, age: float, _: float) -> None:
         self.unit.see(scan, odometry, age)

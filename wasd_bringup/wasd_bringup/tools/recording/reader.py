@@ -25,7 +25,7 @@ from wasd_core.errors import one_line
 
 from wasd_bringup.robots import BOTH, ROBOTS
 from wasd_bringup.run.inputs import box_text, Command, parse_box, parse_push, push_text
-from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.options import MAPPED_SCAN, RunOptions
 from wasd_bringup.tools.recording.bag_writer import new_writer, RECORD_NAME, RecordingError
 from wasd_bringup.tools.recording.recorder import EVENTS
 
@@ -173,6 +173,12 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'gait': options.gait,
         'mode': options.mode,
         'controller': None if controller is None else str(controller.resolve()),
+        'guard': options.guard,
+        'eyes': options.eyes,
+        # A walker that a script gives has no name.
+        'policy': _absolute(options.policy) if isinstance(options.policy, str) else None,
+        'policy_config': options.policy_config and _absolute(options.policy_config),
+        'height_scan': options.height_scan,
         'pushes': [push_text(push) for push in options.pushes],
         'boxes': [box_text(box) for box in options.boxes],
         'ros_arguments': list(ros_arguments),
@@ -204,6 +210,11 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             gait=known.get('gait'),  # nor this
             mode=known['mode'],
             controller=None if controller is None else Path(controller),
+            guard=known.get('guard', False),  # nor these
+            eyes=known.get('eyes', False),
+            policy=known.get('policy'),
+            policy_config=known.get('policy_config'),
+            height_scan=known.get('height_scan', MAPPED_SCAN),
             pushes=tuple(map(parse_push, known['pushes'])),
             boxes=tuple(map(parse_box, known.get('boxes', ()))),  # nor this
         )
