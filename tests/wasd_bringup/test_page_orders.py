@@ -318,6 +318,7 @@ def test_while_a_stop_holds_the_page_starts_no_other_run(run_of):
 
 def test_a_stick_held_over_an_e_stop_of_another_source_drives_only_after_its_release(run_of):
     run = run_of('mbot', 'mbot')
+    run.bridge.attach('')
     controller, stick = run.session.robot.drive_unit.controller, Stick(0.5, 0.0, 0.0)
     run.look(stick)
     assert controller.target.linear > 0.05
