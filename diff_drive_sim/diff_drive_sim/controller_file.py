@@ -63,8 +63,7 @@ def read_controller_file(path: str) -> ControllerFile:
     Raises:
         InvalidParameter: `file:line: key, what came, what is wanted`.
     """
-    result: ControllerFile = read_mapping(path, _read)
-    return result
+    return read_mapping(path, _read)
 
 
 def _read(root: yaml.MappingNode) -> ControllerFile:

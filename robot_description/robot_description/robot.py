@@ -264,8 +264,7 @@ class Robot:
 
 
 def _second_moments(inertia: np.ndarray) -> np.ndarray:
-    moments: np.ndarray = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    return moments
+    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
 
 
 def _smallest_share(inertia: np.ndarray) -> float:
@@ -289,8 +288,7 @@ def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
         return None
     floor = max(RAISED_SHARE * total, mass * SMALLEST_RADIUS**2, SMALLEST_MOMENT)
     raised = directions @ np.diag(np.maximum(values, floor)) @ directions.T
-    mended: np.ndarray = np.trace(raised) * np.eye(3) - raised
-    return mended
+    return np.trace(raised) * np.eye(3) - raised
 
 
 def impossible_inertias(robot: Robot) -> tuple[str, ...]:

@@ -143,8 +143,7 @@ class TwistOutput:
     @property
     def subscriber_count(self) -> int:
         """Number of subscribers that get what is published."""
-        count: int = self._publisher.get_subscription_count()
-        return count
+        return self._publisher.get_subscription_count()
 
     def publish(self, twist: Twist) -> None:
         """Publish a velocity; a stamp is the node's time."""

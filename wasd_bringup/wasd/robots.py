@@ -70,8 +70,7 @@ class Robot:
     @property
     def state(self) -> str:
         """The controller's state, such as `trotting`, `policy` or `driving`."""
-        state: str = self._robot.state
-        return state
+        return self._robot.state
 
     @property
     def truth(self) -> BaseState:
@@ -340,8 +339,7 @@ class G1(Robot):
     @property
     def is_held(self) -> bool:
         """Whether the hoist holds it."""
-        is_on: bool = self._robot.hoist.is_on
-        return is_on
+        return self._robot.hoist.is_on
 
     @checked
     def press(self, key: str) -> None:

@@ -76,8 +76,7 @@ class Executable:
             return 2
         with loading():
             program = import_module(self.module)
-        status: int = program.main(words)
-        return status
+        return program.main(words)
 
     def read(self, words: Sequence[str]) -> argparse.Namespace:
         """

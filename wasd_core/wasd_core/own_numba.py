@@ -167,8 +167,7 @@ class _Files(caching.IndexDataCacheFile):
     """A function's files, which count as missing where another user could have written them."""
 
     def _load_index(self) -> dict[Any, str]:
-        index: dict[Any, str] = super()._load_index() if _can_load(self._index_path) else {}
-        return index
+        return super()._load_index() if _can_load(self._index_path) else {}
 
     def _load_data(self, name: str) -> Any:
         path = self._data_path(name)

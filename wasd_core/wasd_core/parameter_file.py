@@ -55,8 +55,7 @@ def read_parameters(path: str, definition: type[Parameters], kind: NodeKind) -> 
         build_checked(definition, values)
         return values
 
-    values: dict[str, Any] = read_mapping(path, read)
-    return values
+    return read_mapping(path, read)
 
 
 def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:

@@ -162,8 +162,7 @@ class Explorer:
             self.aim = None
 
     def _distances(self, grid: Grid) -> np.ndarray:
-        distances: np.ndarray = measure_distances(grid.cells >= self._occupied, grid.resolution)
-        return distances
+        return measure_distances(grid.cells >= self._occupied, grid.resolution)
 
     def _frontiers(self, grid: Grid, distances: np.ndarray) -> list[tuple[np.ndarray, int]]:
         return frontiers(grid.cells, distances, self._reach, round(SHORTEST / grid.resolution))
@@ -222,8 +221,7 @@ def measure_legs(price: np.ndarray, cells: np.ndarray, resolution: float) -> np.
     places = np.clip(cells // PLACE, 0, (rows - 1, columns - 1))
     best[tuple(places.T)] = 1.0
     ways = [ways_from(place, best, PLACE * resolution)[tuple(places.T)] for place in places]
-    legs: np.ndarray = np.minimum(np.array(ways, float), FAR)
-    return legs
+    return np.minimum(np.array(ways, float), FAR)
 
 
 def begin_tour(begins: np.ndarray, legs: np.ndarray) -> int:

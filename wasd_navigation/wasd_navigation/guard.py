@@ -138,8 +138,7 @@ class Guard:
         apart = np.minimum(
             _apart(angles[after % len(angles)], bearings), _apart(angles[after - 1], bearings)
         )
-        hidden: np.ndarray = is_near & (apart > RAY)
-        return hidden
+        return is_near & (apart > RAY)
 
     def step(self, asked: np.ndarray, odometry: Odometry | None, dt: float) -> Guarded:
         """
@@ -215,8 +214,7 @@ class Guard:
         way = (1.0 + self._parameters.drift) * speed * time
         reach = self._body.reach + self._parameters.footprint_padding + way
         near = points[away < reach + STRIDE]
-        others: np.ndarray = near[room_of(near, self._body) > -OWN]
-        return others
+        return near[room_of(near, self._body) > -OWN]
 
     def _stoppable(
         self,
@@ -281,8 +279,7 @@ def warm_up(footprint: Footprint) -> None:
 
 def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the angles between directions [rad], from 0 to pi."""
-    apart: np.ndarray = np.abs((first - second + math.pi) % (2.0 * math.pi) - math.pi)
-    return apart
+    return np.abs((first - second + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _say(point: np.ndarray, body: Body) -> str:
@@ -331,8 +328,7 @@ def keep_from(points: np.ndarray, body: Body, padding: float, keep: np.ndarray) 
 def _still_to_keep(clearance: Clearance, index: int, way: float) -> float:
     """Return what has to be kept from a point after a way [m]."""
     growth = max(0.0, clearance.drift * way - clearance.spare)
-    kept: float = clearance.keep[index] + growth
-    return kept
+    return clearance.keep[index] + growth
 
 
 @jit

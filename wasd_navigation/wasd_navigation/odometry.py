@@ -100,8 +100,7 @@ def read_covariance(covariance: np.ndarray) -> np.ndarray:
     planar: np.ndarray = covariance[PLANAR]
     if not np.isfinite(planar).all():
         raise InvalidMessage('wanted a covariance of finite numbers')
-    bounded: np.ndarray = planar.clip(-(FARTHEST**2), FARTHEST**2)
-    return bounded
+    return planar.clip(-(FARTHEST**2), FARTHEST**2)
 
 
 class OdometryMemory:

@@ -52,18 +52,15 @@ class Grid:
     def to_cells(self, points: np.ndarray) -> np.ndarray:
         """Return (row, column), shape (n, 2), of points, shape (n, 2) [m]; maybe outside."""
         steps = np.floor((points - np.array(self.origin)) / self.resolution)
-        cells: np.ndarray = np.clip(steps, -_FARTHEST, _FARTHEST)[:, ::-1].astype(np.int64)
-        return cells
+        return np.clip(steps, -_FARTHEST, _FARTHEST)[:, ::-1].astype(np.int64)
 
     def to_points(self, cells: np.ndarray) -> np.ndarray:
         """Return the centres [m], shape (n, 2), of cells (row, column), shape (n, 2)."""
-        points: np.ndarray = (cells[:, ::-1] + 0.5) * self.resolution + np.array(self.origin)
-        return points
+        return (cells[:, ::-1] + 0.5) * self.resolution + np.array(self.origin)
 
     def covers(self, cells: np.ndarray) -> np.ndarray:
         """Return which cells (row, column), shape (n, 2), lie in the grid, shape (n,)."""
-        inside: np.ndarray = np.all((cells >= 0) & (cells < self.cells.shape), axis=1)
-        return inside
+        return np.all((cells >= 0) & (cells < self.cells.shape), axis=1)
 
     def has(self, point: np.ndarray) -> bool:
         """Return whether a point, shape (2,) [m], lies in the grid."""
@@ -129,15 +126,13 @@ class Scan:
     @property
     def points(self) -> np.ndarray:
         """What was hit, shape (m, 2) [m]."""
-        points: np.ndarray = self.ends[self.hits]
-        return points
+        return self.ends[self.hits]
 
     @property
     def own_points(self) -> np.ndarray:
         """What the lidar's own rays have hit, in their order, shape (m, 2) [m]."""
         own = len(self.ends) - self.added
-        points: np.ndarray = self.ends[:own][self.hits[:own]]
-        return points
+        return self.ends[:own][self.hits[:own]]
 
 
 class Ranges(NamedTuple):

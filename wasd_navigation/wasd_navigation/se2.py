@@ -16,8 +16,7 @@ from wasd_core.jit import jit
 @jit
 def wrap(angle: float) -> float:
     """Return the angle in [-pi, pi) [rad]."""
-    wrapped: float = (angle + math.pi) % (2.0 * math.pi) - math.pi
-    return wrapped
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @jit

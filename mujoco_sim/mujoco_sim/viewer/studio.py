@@ -50,8 +50,7 @@ def session_of(connection: Any) -> str:
 
 def port_of(viewer: Any) -> int:
     """Return the port of a viewer."""
-    port: int = viewer._http_port
-    return port
+    return viewer._http_port
 
 
 def drop_viewer_events(handle: Any) -> None:

@@ -267,14 +267,12 @@ def stretched(folded: np.ndarray, position: np.ndarray, chosen: np.ndarray) -> n
 
 def nearest(goal: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Return leg angles (12,), each whole turns off so that it is nearest to `near`."""
-    turned: np.ndarray = goal - math.tau * np.round((goal - near) / math.tau)
-    return turned
+    return goal - math.tau * np.round((goal - near) / math.tau)
 
 
 def hooked(position: np.ndarray) -> np.ndarray:
     """Which legs (4,) at these leg angles (12,) have their hips upside down."""
-    is_hooked: np.ndarray = np.cos(position[::3]) < 0.0
-    return is_hooked
+    return np.cos(position[::3]) < 0.0
 
 
 def swung_out(folded: np.ndarray, position: np.ndarray, chosen: np.ndarray) -> np.ndarray:

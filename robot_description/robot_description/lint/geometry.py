@@ -50,8 +50,7 @@ class Body(NamedTuple):
     @property
     def moments(self) -> np.ndarray:
         """Principal moments, the smallest first, shape (3,)."""
-        moments: np.ndarray = np.linalg.eigvalsh(self.tensor)
-        return moments
+        return np.linalg.eigvalsh(self.tensor)
 
     def element(self, tag: str) -> Element:
         """Return a tag of the inertial, or the inertial itself."""

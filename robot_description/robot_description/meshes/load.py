@@ -162,8 +162,7 @@ def mesh_points(robot: Robot, shape: Shape) -> np.ndarray | None:
         vertices = _vertices(path, status.st_mtime_ns, status.st_size)
     except (OSError, ValueError):
         return None
-    points: np.ndarray = vertices.astype(float) * np.array(shape.scale)
-    return points
+    return vertices.astype(float) * np.array(shape.scale)
 
 
 @lru_cache(maxsize=MOST_KEPT)

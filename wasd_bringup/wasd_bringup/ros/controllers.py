@@ -55,8 +55,7 @@ class ControllerFace:
     @property
     def command_topic(self) -> str:
         """The topic of velocities, by its full name."""
-        topic: str = self._twists.topic_name
-        return topic
+        return self._twists.topic_name
 
     def admit(self) -> None:
         """Ask the robot whether a key of another process counts, and give it the velocities."""
@@ -136,8 +135,7 @@ class LegsFace(ControllerFace):
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant; None before there is any."""
-        odometry: Odometry | None = self.node.odometry(to_stamp(self.robot.world.time))
-        return odometry
+        return self.node.odometry(to_stamp(self.robot.world.time))
 
     def schedule(self, schedule: Any) -> None:
         """Publish on a schedule."""
@@ -166,8 +164,7 @@ class WheelsFace(ControllerFace):
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant."""
-        odometry: Odometry = self.node.odometry()
-        return odometry
+        return self.node.odometry()
 
     def schedule(self, schedule: Any) -> None:
         """Publish on a schedule."""

@@ -80,8 +80,7 @@ class RosFace:
     @property
     def key_topic(self) -> str:
         """Where its keys are, by the full name."""
-        topic: str = self.keys.resolve_topic_name('keys')
-        return topic
+        return self.keys.resolve_topic_name('keys')
 
     def watch_keyboards(self, lose: Callable[[], None]) -> None:
         """Call `lose` when the last keyboard of others is gone and its keys move the robot."""

@@ -62,8 +62,7 @@ def read_key(sender: Sender, data: bytes) -> str:
     Raises:
         UserError: it is no such message.
     """
-    text: str = _read(sender, data, (String,)).data
-    return text
+    return _read(sender, data, (String,)).data
 
 
 DECODE = Decode(read_velocity, read_key)

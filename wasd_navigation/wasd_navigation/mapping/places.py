@@ -58,8 +58,7 @@ class Places:
     @property
     def poses(self) -> np.ndarray:
         """Where they are in the map, shape (n, 3); may be written."""
-        poses: np.ndarray = self._poses[: len(self)]
-        return poses
+        return self._poses[: len(self)]
 
     @property
     def held(self) -> np.ndarray:

@@ -59,8 +59,7 @@ class Tracker:
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of the pose, shape (3, 3)."""
-        covariance: np.ndarray = self._joint[:3, :3].copy()
-        return covariance
+        return self._joint[:3, :3].copy()
 
     @property
     def is_stuck(self) -> bool:

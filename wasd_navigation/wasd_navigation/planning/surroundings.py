@@ -262,15 +262,13 @@ class Surroundings:
     def _is_wall(self) -> np.ndarray:
         """Which cells are obstacles of the map, bool."""
         assert self.grid is not None
-        walls: np.ndarray = self.grid.cells >= self._parameters.occupied
-        return walls
+        return self.grid.cells >= self._parameters.occupied
 
     @property
     def is_unknown(self) -> np.ndarray:
         """The unknown cells, bool."""
         assert self.grid is not None
-        unknown: np.ndarray = self.grid.cells == UNKNOWN
-        return unknown
+        return self.grid.cells == UNKNOWN
 
     @property
     def is_unseen(self) -> np.ndarray:
