@@ -6,12 +6,6 @@ import sys
 
 from wasd_core.ownership import others_can_write
 
-# What type checkers take for true, without loading `typing`.
-MYPY = False
-if MYPY:
-    from collections.abc import Callable, Mapping
-    from typing import Any
-
 
 def _leave_foreign_folder() -> None:
     """Look for no modules where the user stands, as `python -c` does, if that is a stranger's."""
@@ -51,38 +45,3 @@ def quiet_start(package: str, *executables: str) -> None:
 def _is_at_home(folder: str) -> bool:
     """Whether our packages are found in a folder."""
     return folder == os.path.dirname(os.path.dirname(__file__))
-
-
-def load_lazily(
-    package: str, homes: 'Mapping[str, str]'
-) -> 'tuple[list[str], Callable[[str], Any]]':
-    """Return a package's `__all__` and `__getattr__`, which loads the module that has a name."""
-    home_of = {name: home for home, names in homes.items() for name in names.split()}
-
-    def get(name: str) -> 'Any':
-        if name not in home_of:
-            raise AttributeError(f'module {package!r} has no attribute {name!r}')
-        from importlib import import_module
-
-        return getattr(import_module(f'{package}.{home_of[name]}'), name)
-
-    return list(home_of), get
-
-
-# Public names by module; ROS and numpy are loaded with those that need them.
-__all__, __getattr__ = load_lazily(
-    __name__,
-    {
-        'command_line': 'Executable',
-        'errors': 'UserError',
-        'node': 'run_node',
-        'output_file': 'OutputFile',
-        'parameters': 'Parameters parameter',
-        'robot_io': 'BaseState JointCommand Reading',
-        'ros_parameters': 'declare_parameters',
-        'rotations': 'Pose',
-        'signals': 'StopSignals',
-        'timing': 'Watchdog',
-    },
-)
-__all__ += ['load_lazily', 'quiet_start']
