@@ -80,7 +80,7 @@ class Hoist:
     def let_go(self) -> None:
         """Loosen the straps."""
         self.is_on = False
-        self._world.hang(self._body, np.zeros(6))
+        self._world.actuation.hang(self._body, np.zeros(6))
 
     def step(self, dt: float) -> None:
         """Pull for the next `dt` [s]."""
@@ -103,7 +103,7 @@ class Hoist:
         torque -= self._turn_damping * data.cvel[self._body, :3]
         wrench = np.concatenate((forces.sum(axis=0), torque))
         if np.isfinite(wrench).all():
-            self._world.hang(self._body, wrench)
+            self._world.actuation.hang(self._body, wrench)
 
     def _find_hooks(self) -> tuple[np.ndarray, np.ndarray]:
         """Return where the hooks are [m] and how they move [m/s], in the world's axes, (2, 3)."""

@@ -154,7 +154,7 @@ class SimulatorNode(Node):
             summary = ticks.summary(last=1000)
             values['tick_p99_us'] = f'{summary.p99_us:.0f}'
             values['overruns'] = str(summary.overruns)
-        values['rejected_commands'] = str(self._world.rejected_commands)
+        values['rejected_commands'] = str(self._world.actuation.rejected_commands)
         text = 'slower than asked for' if slow else state
         stamp, name = self.stamp, self.get_fully_qualified_name().strip('/')
         self._diagnostics.publish(to_diagnostics(name, text, values, slow, stamp))

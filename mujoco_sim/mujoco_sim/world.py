@@ -73,7 +73,9 @@ class Actuation:
     """
     The actions on one robot in a model: its start, the command and the present pushes.
 
-    It is told the tick; a command takes effect after the setup's delay.
+    It is told the tick; a command takes effect after the setup's delay. `rejected_commands` counts
+    those that were refused. One that `is_kinematic` moves by `place_robot` only; one that
+    `allows_long_steps` lets physics take them, until a reset.
     """
 
     def __init__(
@@ -226,7 +228,12 @@ class Actuation:
             self._sum_pushes()
 
     def hang(self, body: int, wrench: np.ndarray) -> None:
-        """Replace the wrench that a hoist applies to a body; see `World.hang`."""
+        """
+        Apply a world-frame force [N] and torque [N m], shape (6,), at a body's centre of mass.
+
+        From now on, in place of the last wrench given here, and in addition to all pushes; a
+        reset ends it. It has to be finite.
+        """
         self._data.xfrc_applied[self._hung] = 0.0
         self._hung, self._wrench = body, wrench
         self._sum_pushes()
@@ -399,9 +406,9 @@ class World:
     """
     One robot in a compiled model, which it may share with others.
 
-    Keeps the command and the pushes in force; MuJoCo's state and `tick`, the number of time
-    steps so far, are those of its `physics`. Before any command motors are limp. Same seed and
-    same calls give the same bits.
+    Its `actuation` keeps the command and the pushes in force; MuJoCo's state and `tick`, the
+    number of time steps so far, are those of its `physics`. Before any command motors are limp.
+    Same seed and same calls give the same bits.
     """
 
     def __init__(
@@ -445,8 +452,8 @@ class World:
         _change_base(self.model, self.data, self.root, self.setup.drawn)
         # How often was reset, and the tick, when the sensors were read last.
         self._read_at = (-1, -1)
-        self._actuation = Actuation(self.model, self.data, self.parts, self.setup)
-        self.physics.robots.append(self._actuation)
+        self.actuation = Actuation(self.model, self.data, self.parts, self.setup)
+        self.physics.robots.append(self.actuation)
         if self.physics is not spec:
             self.reset()
 
@@ -467,29 +474,6 @@ class World:
     def step(self, count: int = 1) -> None:
         """Advance by `count` time steps; commands and pushes begin and end within them."""
         self.physics.step(count)
-
-    @property
-    def boxes(self) -> MovingBoxes:
-        """The boxes that can be put into the robots' way."""
-        return self.physics.boxes
-
-    @property
-    def is_kinematic(self) -> bool:
-        """Whether it moves by `place_robot` only."""
-        return self._actuation.is_kinematic
-
-    @is_kinematic.setter
-    def is_kinematic(self, is_kinematic: bool) -> None:
-        self._actuation.is_kinematic = is_kinematic
-
-    def allow_long_steps(self, is_allowed: bool) -> None:
-        """Allow physics to take long steps from now on, or forbid it; a reset forbids it."""
-        self._actuation.allows_long_steps = is_allowed
-
-    @property
-    def rejected_commands(self) -> int:
-        """How many commands were refused."""
-        return self._actuation.rejected_commands
 
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
@@ -530,10 +514,6 @@ class World:
         effort[self.parts.motor_joint] = self._views.effort
         return effort
 
-    def take_peak_effort(self) -> np.ndarray:
-        """Return the largest effort of each motor since the last call [N m], shape (m,)."""
-        return self._actuation.take_peak_effort()
-
     def base(self) -> BaseState:
         """Return the root frame as it is, without noise."""
         return BaseState(*[part.copy() for part in self._views.base])
@@ -549,7 +529,7 @@ class World:
 
         A command that is not finite or of the wrong length is refused and the motors brake.
         """
-        return self._actuation.apply(command, self.tick)
+        return self.actuation.apply(command, self.tick)
 
     def brake(self) -> None:
         """
@@ -557,7 +537,7 @@ class World:
 
         A motor keeps the damping it was commanded; one without gets BRAKE_DAMPING, or less.
         """
-        self._actuation.brake()
+        self.actuation.brake()
 
     def push(
         self, force: Sequence[float], duration: float, point: Sequence[float] | None = None
@@ -575,7 +555,7 @@ class World:
         shapes = {vector.shape, (3,) if arm is None else arm.shape}
         if shapes != {(3,)} or not np.isfinite(numbers).all():
             return False
-        self._actuation.push(Push(vector, duration, arm), self.tick)
+        self.actuation.push(Push(vector, duration, arm), self.tick)
         return True
 
     def keep_pushing(self, force: Sequence[float]) -> bool:
@@ -588,17 +568,8 @@ class World:
         vector = np.array(force, dtype=float)
         if vector.shape != (3,) or not np.isfinite(vector).all():
             return False
-        self._actuation.keep_pushing(vector)
+        self.actuation.keep_pushing(vector)
         return True
-
-    def hang(self, body: int, wrench: np.ndarray) -> None:
-        """
-        Apply a world-frame force [N] and torque [N m], shape (6,), at a body's centre of mass.
-
-        From now on, in place of the last wrench given here, and in addition to all pushes; a
-        reset ends it. It has to be finite.
-        """
-        self._actuation.hang(body, wrench)
 
     def contact_forces(self, links: Sequence[str]) -> np.ndarray:
         """
@@ -685,7 +656,7 @@ def build_world(
     """
     Put a robot into a world; with `visuals`, its meshes are there to be drawn.
 
-    `boxes` are the sizes of those that `World.boxes` puts into its way; `time_step` [s] is that
+    `boxes` are the sizes of those that `Physics.boxes` puts into its way; `time_step` [s] is that
     of physics.
 
     Raises:

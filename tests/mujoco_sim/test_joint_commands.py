@@ -66,7 +66,7 @@ def test_sensors_measure_on_after_a_step_that_was_interrupted(world, monkeypatch
 
     flags = world.model.opt.disableflags
     with monkeypatch.context() as patched:
-        patched.setattr(world._actuation, 'begin_steps', lambda: interrupt)
+        patched.setattr(world.actuation, 'begin_steps', lambda: interrupt)
         with pytest.raises(KeyboardInterrupt):
             world.physics.step(5)
     assert world.model.opt.disableflags == flags
@@ -85,7 +85,7 @@ def test_a_command_that_is_not_finite_is_refused_and_the_motors_brake(world, par
     world.apply(COMMAND)
     world.step(100)
     assert not world.apply(COMMAND._replace(**{part: np.array([0.1, value])}))
-    assert world.rejected_commands == 1
+    assert world.actuation.rejected_commands == 1
     velocity = world.joints().velocity[:2]
     world.step()
     np.testing.assert_allclose(world.joints().effort[:2], -COMMAND.kd * velocity, atol=1e-12)
@@ -95,7 +95,7 @@ def test_a_command_that_is_not_finite_is_refused_and_the_motors_brake(world, par
 @pytest.mark.parametrize('length', [0, 1, 3])
 def test_a_command_of_the_wrong_length_is_refused(world, length):
     assert not world.apply(JointCommand(*[np.zeros(length)] * 5))
-    assert world.rejected_commands == 1
+    assert world.actuation.rejected_commands == 1
 
 
 def test_braking_takes_energy_out(world):

@@ -10,7 +10,7 @@ import pytest
 @pytest.fixture
 def world():
     world = build_world(robot_named('mbot'))
-    world.is_kinematic = True
+    world.actuation.is_kinematic = True
     return world
 
 

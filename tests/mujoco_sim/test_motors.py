@@ -81,7 +81,7 @@ def test_a_motor_never_gives_more_than_its_limit(floating):
     floating.step(1)
     # Hips and thighs 23.7 N m, knees 35.55.
     expected = [23.7, 23.7, 35.55] * 4
-    np.testing.assert_allclose(floating.take_peak_effort(), expected)
+    np.testing.assert_allclose(floating.actuation.take_peak_effort(), expected)
 
 
 @pytest.mark.slow
@@ -102,9 +102,9 @@ def test_the_largest_effort_is_kept_until_it_is_taken(floating):
     floating.step(2)
     floating.apply(push(1.0))
     floating.step(2)
-    np.testing.assert_allclose(floating.take_peak_effort(), 5.0)
+    np.testing.assert_allclose(floating.actuation.take_peak_effort(), 5.0)
     floating.step(1)
-    np.testing.assert_allclose(floating.take_peak_effort(), 1.0)
+    np.testing.assert_allclose(floating.actuation.take_peak_effort(), 1.0)
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ def lengths_of_steps(world, count):
 def test_long_steps_are_taken_where_allowed_and_time_is_the_same(loaded):
     world = build_world(loaded)
     assert lengths_of_steps(world, 4) == [1, 1, 1, 1]
-    world.allow_long_steps(True)
+    world.actuation.allows_long_steps = True
     assert lengths_of_steps(world, 4) == [2, 2]
     # They begin at even ticks, so that who looks more often does not shift them.
     assert lengths_of_steps(world, 5) == [2, 2, 1]
@@ -76,7 +76,7 @@ def test_long_steps_are_taken_where_allowed_and_time_is_the_same(loaded):
 
 def test_commands_and_pushes_begin_and_end_as_told_among_long_steps(loaded):
     world = build_world(loaded, setup=RobotSetup(command_delay=0.003))
-    world.allow_long_steps(True)
+    world.actuation.allows_long_steps = True
     world.apply(JointCommand(*np.zeros((2, 2)), np.full(2, 0.01), *np.zeros((2, 2))))
     assert lengths_of_steps(world, 8) == [2, 1, 1, 2, 2]
     world.push((0.0, 2.0, 0.0), 0.005)
@@ -86,7 +86,7 @@ def test_commands_and_pushes_begin_and_end_as_told_among_long_steps(loaded):
 
 def test_a_motor_that_damps_more_than_a_long_step_bears_gets_short_ones(loaded):
     world = build_world(loaded)
-    world.allow_long_steps(True)
+    world.actuation.allows_long_steps = True
     index = [world.model.joint(name).dofadr[0] for name in WHEELS]
     # What stops a wheel in the air within one short step diverges from twice of it on.
     stopping = 1.0 / (world.model.dof_invweight0[index] * world.time_step)
@@ -102,15 +102,15 @@ def test_robots_that_share_a_world_take_long_steps_where_all_allow_them(loaded):
     setups = [RobotSetup(place=(0.0, y)) for y in (0.0, 2.0)]
     members = [(f'{name}/', loaded, setup) for name, setup in zip('ab', setups, strict=True)]
     one, other = build_shared_world(members)
-    one.allow_long_steps(True)
+    one.actuation.allows_long_steps = True
     assert lengths_of_steps(one, 2) == [1, 1]
-    other.allow_long_steps(True)
+    other.actuation.allows_long_steps = True
     assert lengths_of_steps(one, 2) == [2]
 
 
 def test_a_fall_by_long_steps_is_that_of_their_closed_form(ball):
     ball.model.opt.gravity[:] = (0.0, 0.0, -GRAVITY)
-    ball.allow_long_steps(True)
+    ball.actuation.allows_long_steps = True
     start = ball.base().position[2]
     ball.step(100)
     # Semi-implicit Euler: n steps of h fall by g h^2 n (n + 1) / 2.

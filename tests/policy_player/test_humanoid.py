@@ -185,7 +185,7 @@ def test_any_keys_in_any_order_break_nothing(run_of, tmp_path):
         pass_time(run, 0.15)
         states.add(run.robot.state)
         run.robot.status()
-    assert run.world.rejected_commands == 0
+    assert run.world.actuation.rejected_commands == 0
     assert states == {'passive', 'stand', 'policy'}
 
 

@@ -110,13 +110,13 @@ def test_what_a_hand_lets_go_of_ends_before_the_next_snapshot(run_of):
     world = run.session.world
     run.look(Stick(0.5, 0.0, 0.0), force=(3.0, 0.0, 0.0))
     assert run.bridge._driven == 0
-    assert world._actuation._kept_push.any()
+    assert world.actuation._kept_push.any()
     shown = run.bridge._link.snapshot
     run.bridge._link.hold(None, None)
     run.bridge.step(0.01 * PERIOD, PERIOD)
     assert run.bridge._link.snapshot is shown
     assert run.bridge._driven is None
-    assert not world._actuation._kept_push.any()
+    assert not world.actuation._kept_push.any()
 
 
 @pytest.mark.parametrize('pace', [0.2, 1.0, 20.0])

@@ -24,7 +24,7 @@ def test_the_map_shows_a_box_from_when_it_was_put_there():
         return points
 
     assert len(seen()) == 0
-    world.boxes.put(0, 1.0, 0.0)
+    world.physics.boxes.put(0, 1.0, 0.0)
     points = seen()
     assert points[:, 0].min() == pytest.approx(0.8, abs=1e-6)
     assert (np.abs(points[:, 1]) <= 0.2).all()

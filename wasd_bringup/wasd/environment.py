@@ -162,7 +162,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
             self._build(drawn)
         self._world.seed = drawn
         self._world.reset()
-        self._world.allow_long_steps(self._physics_step > LONGEST_TIME_STEP)
+        self._world.actuation.allows_long_steps = self._physics_step > LONGEST_TIME_STEP
         self._observer.reset()
         command = self.np_random.uniform(self._low, self._high) if given is None else given
         self._command = np.array(command, float)

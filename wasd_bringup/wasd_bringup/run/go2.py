@@ -247,7 +247,7 @@ class Go2(Robot):
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
         if self.legs.controller.has_policy:
-            world.allow_long_steps(self.rest() > 0.0 and self._stops_evenly())
+            world.actuation.allows_long_steps = self.rest() > 0.0 and self._stops_evenly()
         self.elevation.step()
 
     def _stops_evenly(self) -> bool:

@@ -58,7 +58,7 @@ class Mbot(Robot):
         unit, world, robot = self.drive_unit, self.world, self.description.robot
         geometry = unit.controller.geometry
         self._wheels = (geometry.left_joint, geometry.right_joint)
-        world.is_kinematic = unit.is_fake
+        world.actuation.is_kinematic = unit.is_fake
         missing = [name for name in self._wheels if name not in world.motor_names]
         if missing and not unit.is_fake:
             raise UserError(

@@ -135,7 +135,7 @@ class Recorder:
             'velocity': base.planar_velocity.tolist(),
             'odom': [x, y, math.remainder(yaw, 2.0 * math.pi)],
             'contacts': list(now.contacts),
-            'torque_max': float(self._world.take_peak_effort().max(initial=0.0)),
+            'torque_max': float(self._world.actuation.take_peak_effort().max(initial=0.0)),
         }
         self.samples.add(row)
 

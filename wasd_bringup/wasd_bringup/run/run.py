@@ -344,7 +344,7 @@ class Run:
         options = self.options
         self._key_player = Player(options.keys or ())
         self._commands = Player(options.commands or ())
-        self._boxes = BoxPlayer(options.boxes, self.world.boxes.put)
+        self._boxes = BoxPlayer(options.boxes, self.world.physics.boxes.put)
         self._next_event = -math.inf
         period = min(robot.period for robot in self.robots)
         schedule.at_rate('update_rate', 1.0 / period, self._begin_instant, self._rest)

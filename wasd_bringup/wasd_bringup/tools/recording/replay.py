@@ -131,7 +131,7 @@ class ReplayView:
         self._bag = bag
         self._speed = speed
         self._world = worlds[0]
-        self._boxes = BoxPlayer(boxes, self._world.boxes.put)
+        self._boxes = BoxPlayer(boxes, self._world.physics.boxes.put)
         by_name = {world.prefix.rstrip('/'): world for world in worlds}
         self._truths = {topic: by_name[name] for name, topic in robot_topics(bag, TRUTH).items()}
         self._joints = {topic: by_name[name] for name, topic in robot_topics(bag, JOINTS).items()}
