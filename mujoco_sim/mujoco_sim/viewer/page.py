@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The browser viewer: MuJoCo Studio's page, for this machine only, with keys to drive."""
 
-from collections.abc import Callable
 import copy
 import functools
 import logging
 import threading
 import time
-from typing import Any, cast, TypeVar
+from typing import Any
 
 import mujoco
 from mujoco.studio import endpoints, launch_thread, messages, plugin, viewer_protocol
@@ -18,20 +17,15 @@ from wasd_core.network import LOOPBACK
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.viewer.drawing import Pace, PageContent, Panels, PictureDetail
 from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.server import use_page_server
-from mujoco_sim.viewer.studio import drop_viewer_events, LocalWebViewer, port_of
+from mujoco_sim.viewer.server import serve_page
+from mujoco_sim.viewer.studio import drop_viewer_events, LocalWebViewer, patch_server, port_of
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
 # What of a world's state the page is told: all that its picture is made of.
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
-Method = TypeVar('Method', bound=Callable[..., Any])
-
-
-def handler(method: Method, priority: int = messages.Priority.USER) -> Method:
-    """Register a method for messages of its parameter's type, in order of priority."""
-    return cast(Method, messages.handler(method, priority=priority))
+handler = functools.partial(messages.handler, priority=messages.Priority.USER)
 
 
 class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
@@ -59,7 +53,7 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
         self.port = port_of(event.viewer)
         self.started.set()
 
-    @functools.partial(handler, priority=messages.Priority.INTERNAL - 1)
+    @functools.partial(messages.handler, priority=messages.Priority.INTERNAL - 1)
     def on_model(self, event: messages.PostModelEvent) -> None:
         """Follow the robot, from where it is seen well."""
         camera = self.viewer.camera
@@ -120,7 +114,7 @@ class WebView:
         self._world = world
         self._page = _Page(camera, world.root, content)
         config = viewer_protocol.ViewerConfig(title='wasd', gfx='web', http_port=port)
-        use_page_server(self._page.input, self._page.text)
+        patch_server(functools.partial(serve_page, self._page.input, self._page.text))
 
         def serve(endpoint: endpoints.ViewerEndpoint) -> None:
             viewer = LocalWebViewer(config, endpoint, self._page)

@@ -14,7 +14,7 @@ from wasd_core.network import LOOPBACK
 
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.studio import patch_server, session_of, SILENT_CONTROLLER
+from mujoco_sim.viewer.studio import session_of, SILENT_CONTROLLER
 
 NAMES = (LOOPBACK, 'localhost')
 # A client has so long for its request [s] ...
@@ -59,15 +59,6 @@ _KEYS_AT = 560
 FIRST_KEY = 512
 # No packet of a browser is longer: the text of a clipboard.
 LONGEST = 1 << 20
-
-
-def use_page_server(page_input: PageInput, text: Callable[[], str]) -> None:
-    """
-    Let the web server that Studio starts next serve this machine only, and tell its input.
-
-    `text` is what a page without panels shows of the run, asked for in the server's thread.
-    """
-    patch_server(functools.partial(_serve, page_input, text))
 
 
 def is_own(request: Request, port: int) -> bool:
@@ -213,7 +204,7 @@ def _close_to_others(
     return None
 
 
-def _serve(
+def serve_page(
     page_input: PageInput,
     text: Callable[[], str],
     handler: Handler,
@@ -222,7 +213,11 @@ def _serve(
     process_response: ProcessResponse,
     **options: Any,
 ) -> Any:
-    """Serve as Studio asks for, for this page only."""
+    """
+    Serve as Studio asks for, for this machine only, and tell the page's input.
+
+    `text` is what a page without panels shows of the run, asked for in the server's thread.
+    """
     port: int = options['sock'].getsockname()[1]
     place = _Place(handler)
 

@@ -3,7 +3,7 @@
 
 import os
 import queue
-from typing import Any, Protocol
+from typing import Any, TYPE_CHECKING
 
 from wasd_core.errors import SimulationError
 
@@ -88,29 +88,15 @@ class NativeView:
             self._keys.put(name)
 
 
-class View(Protocol):
-    """What a run needs of a viewer."""
+if TYPE_CHECKING:
+    from mujoco_sim.viewer.page import WebView
 
-    @property
-    def period(self) -> float:
-        """The time after which it is to be synchronised again [s of wall time]."""
-
-    def sync(self, is_hurried: bool = False) -> None:
-        """Show the state of now; `is_hurried` is whether the simulation has no time to spare."""
-
-    def pressed_keys(self) -> list[str]:
-        """Return the keys pressed in the viewer since the last call; LOST where its user went."""
-
-    def follow(self, world: World) -> None:
-        """Look at another robot."""
-
-    def close(self) -> None:
-        """End it."""
+    View = NativeView | WebView
 
 
 def start_view(
     kind: str, world: World, camera: CameraView, content: PageContent, port: int
-) -> tuple[View, str]:
+) -> 'tuple[View, str]':
     """
     Start a viewer, `web` or `native`, on a world; return it and where it is.
 

@@ -9,7 +9,6 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from mujoco_sim.viewer.input import LOST as LOST_KEY
-from mujoco_sim.viewer.views import View
 from mujoco_sim.world import World
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.key_reader import KeyReader
@@ -39,6 +38,8 @@ from wasd_bringup.run.show import show_robot
 from wasd_bringup.run.worlds import build_robots
 
 if TYPE_CHECKING:
+    from mujoco_sim.viewer.views import View
+
     from wasd_bringup.run.guarding import RobotGuard
     from wasd_bringup.run.navigation import NavigationDriver
     from wasd_bringup.run.unitree import UnitreeDriver
@@ -235,7 +236,7 @@ class Run:
     def _where_lines(self) -> list[str]:
         return [f'viewer: {self._where}'] if self._where else []
 
-    def take_view(self, view: View, where: str) -> None:
+    def take_view(self, view: 'View', where: str) -> None:
         """Let a viewer show the run, and print its address; the run closes it."""
         self._view, self._where = view, where
 
@@ -473,7 +474,7 @@ class Run:
         is_told = self._reader is not None and not self.options.prints_data
         show_robot(self.robot, self._status, name, now, is_told)
 
-    def _look_at_view(self, view: View, now: float) -> None:
+    def _look_at_view(self, view: 'View', now: float) -> None:
         """Show the present state, and handle the viewer's keys and orders."""
         if now >= self._next_frame:
             self._next_frame = now + view.period

@@ -13,7 +13,7 @@ from typing import Any
 
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.viewer.drawing import Panel
-from mujoco_sim.viewer.views import start_view, View
+from mujoco_sim.viewer.views import start_view
 from mujoco_sim.world import pose_base, pose_joints, update_bodies, World
 from nav_msgs.msg import Odometry
 import rclpy
@@ -136,7 +136,6 @@ class ReplayView:
         self._truths = {topic: by_name[name] for name, topic in robot_topics(bag, TRUTH).items()}
         self._joints = {topic: by_name[name] for name, topic in robot_topics(bag, JOINTS).items()}
         self._shown = bag.start
-        self._view: View
 
     def open(self, kind: str, port: int) -> str:
         """
