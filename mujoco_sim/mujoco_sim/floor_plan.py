@@ -38,7 +38,7 @@ def make_floor_plan(plan: MapPicture) -> FloorPlan:
         SimulationError: nothing is free, or walls are too many.
     """
     walls = plan.cells == OCCUPIED
-    may_be = _beside(walls) & (plan.cells == UNKNOWN) | walls
+    may_be = ~_clear(walls, 1, outside=False) & (plan.cells == UNKNOWN) | walls
     start = find_start(plan)
     cell = plan.resolution
     for _ in range(MOST_MERGED + 1):
@@ -75,9 +75,13 @@ def find_start(plan: MapPicture) -> np.ndarray:
     raise SimulationError(f'no free place of {2.0 * AROUND[-1]:g} m for a robot to start at')
 
 
-def _clear(is_taken: np.ndarray, reach: int) -> np.ndarray:
-    """Return which cells have nothing that is taken up to so many cells around, bool."""
-    padded = np.pad(is_taken, reach + 1, constant_values=True)
+def _clear(is_taken: np.ndarray, reach: int, outside: bool = True) -> np.ndarray:
+    """
+    Return which cells have nothing that is taken up to so many cells around, bool.
+
+    `outside` is whether what is beyond the edge is taken.
+    """
+    padded = np.pad(is_taken, reach + 1, constant_values=outside)
     sums = padded.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
     side = 2 * reach + 1
     count = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
@@ -90,17 +94,6 @@ def _coarser(walls: np.ndarray) -> np.ndarray:
     rows, columns = walls.shape
     even = np.pad(walls, ((0, rows % 2), (0, columns % 2)))
     return np.asarray(even.reshape(len(even) // 2, 2, -1, 2).any(axis=(1, 3)))
-
-
-def _beside(walls: np.ndarray) -> np.ndarray:
-    """Return the walls and the eight neighbours of each of their cells, bool."""
-    padded = np.pad(walls, 1)
-    rows, columns = walls.shape
-    found = walls.copy()
-    for down in range(3):
-        for right in range(3):
-            found |= padded[down : down + rows, right : right + columns]
-    return found
 
 
 def merge(walls: np.ndarray, may_be: np.ndarray, most: int) -> np.ndarray | None:

@@ -133,6 +133,8 @@ def _number(world: str, word: str, span: 'Span') -> float:
             f'--world {world}: wanted a number from {span.least:g} to {span.most:g} '
             f'after the {span.after}'
         )
+    if span.whole and not value.is_integer():
+        raise SimulationError(f'--world {world}: wanted a whole number after the {span.after}')
     return value
 
 
@@ -185,14 +187,7 @@ def _office(spec: mujoco.MjSpec) -> None:
 
 
 def add_flat(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None:
-    """
-    Build the flat of a seed.
-
-    Raises:
-        SimulationError: the seed is no whole number.
-    """
-    if not seed.is_integer():
-        raise SimulationError(f'--world flat:{seed:g}: wanted a whole number after the colon')
+    """Build the flat of a seed."""
     _build_flat(spec, make_flat(int(seed)))
 
 
@@ -477,12 +472,7 @@ def add_course(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None
     Mix boxes, a step, a gap, a slope and stairs in COURSE metres, in the order of a seed.
 
     How high, wide and steep each is follows from the seed, too: `COURSE_SPANS`.
-
-    Raises:
-        SimulationError: the seed is no whole number.
     """
-    if not seed.is_integer():
-        raise SimulationError(f'--world course:{seed:g}: wanted a whole number after the colon')
     random = np.random.default_rng(int(seed))
     names = random.permutation(list(COURSE_SPANS)).tolist()
     sizes = {name: float(random.uniform(*span)) for name, span in COURSE_SPANS.items()}
@@ -571,12 +561,13 @@ WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {
 
 
 class Span(NamedTuple):
-    """The smallest and largest size, the default, and its place in the text."""
+    """The smallest and largest size, the default, its place in the text; some are `whole`."""
 
     least: float
     most: float
     usual: float = math.nan
     after: str = 'colon'
+    whole: bool = False
 
 
 class Terrain(NamedTuple):
@@ -595,6 +586,6 @@ TERRAINS: dict[str, Terrain] = {
     'ice': Terrain(add_ice, (Span(0.01, 2.0),)),  # friction
     'gap': Terrain(add_gap, (Span(0.001, 1.0),)),
     'stepping': Terrain(add_stepping, (Span(0.01, 0.3),)),
-    'course': Terrain(add_course, (Span(0, 999_999),)),  # a seed
-    'flat': Terrain(add_flat, (Span(0, 999_999),)),  # a seed
+    'course': Terrain(add_course, (Span(0, 999_999, whole=True),)),  # a seed
+    'flat': Terrain(add_flat, (Span(0, 999_999, whole=True),)),  # a seed
 }
