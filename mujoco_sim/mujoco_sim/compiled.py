@@ -10,9 +10,7 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import FULL_TORQUE_SHARE, ImuReading, JointStates, Reading
 
-# Biases of gyro and accelerometer, (3,), and how far the heading is off, (1,) [rad].
-ImuErrors = tuple[np.ndarray, np.ndarray, np.ndarray]
-# So many numbers are in them.
+# So many numbers are errors of an IMU: biases of gyro and accelerometer, and of the heading.
 ERRORS = 7
 
 
@@ -64,30 +62,15 @@ def _add_noise(
     out: np.ndarray,
 ) -> None:
     """Write joints, orientation, not yet of unit length, angular velocity and acceleration."""
-    s = memory[ERRORS:]
-    own = NoiseSizes(s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7] != 0.0)
+    m = memory[ERRORS:]
+    own = NoiseSizes(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7] != 0.0)
     count = len(position)
     for i in range(count):
         out[i] = position[i] + own.joint_position * drawn[i]
         out[count + i] = velocity[i] + own.joint_velocity * drawn[count + i]
-    imu, errors = (orientation, omega, acceleration), (memory[:3], memory[3:6], memory[6:7])
-    noise = drawn[2 * count : 2 * count + 9], drawn[2 * count + 9 :]
-    _add_imu_noise(imu, errors, own, noise, elapsed, out[2 * count :])
-
-
-@jit
-def _add_imu_noise(
-    true: tuple[np.ndarray, np.ndarray, np.ndarray],
-    errors: ImuErrors,
-    own: NoiseSizes,
-    drawn: tuple[np.ndarray, np.ndarray],
-    elapsed: float,
-    out: np.ndarray,
-) -> None:
-    """Write what `_add_noise` does of the IMU."""
-    orientation, omega, acceleration = true
-    gyro_bias, bias, heading = errors
-    white, steps = drawn
+    gyro_bias, bias, heading = memory[:3], memory[3:6], memory[6:7]
+    white, steps = drawn[2 * count : 2 * count + 9], drawn[2 * count + 9 :]
+    out = out[2 * count :]
     w, x, y, z = orientation[0], orientation[1], orientation[2], orientation[3]
     rate = np.empty(3)
     for k in range(3):
@@ -140,26 +123,16 @@ class TorqueSpeedCurve:
         """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""
         count = len(velocity)
         limits, none = np.empty((count, 2)), np.zeros(count)
-        self.follow(velocity, np.arange(count), limits, none, none)
+        _follow(self._curve, velocity, np.arange(count), limits, none, none)
         return limits
 
-    def follow(
-        self,
-        velocity: np.ndarray,
-        motors: np.ndarray,
-        limits: np.ndarray,
-        effort: np.ndarray,
-        peak: np.ndarray,
-    ) -> None:
-        """
-        Write `limits` (n, 2) of motors that turn at `velocity[motors]`.
-
-        Raise `peak` (n,) to the size of their `effort` (n,).
-        """
-        _follow(self._curve, velocity, motors, limits, effort, peak)
-
     def follower(self, *memory: np.ndarray) -> Callable[[], None]:
-        """Return `follow` with the arrays that it reads and writes: a call takes less time."""
+        """
+        Return what writes `limits` (n, 2) of motors that turn at `velocity[motors]`.
+
+        It raises `peak` (n,) to the size of their `effort` (n,). `memory` are velocity, motors,
+        limits, effort and peak, which are bound because a call takes less time so.
+        """
         return partial(_follow, self._curve, *memory)
 
     def command(

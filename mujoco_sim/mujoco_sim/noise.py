@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise of the sensors in a robot: joints and an IMU."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from wasd_core.robot_io import ImuReading, JointStates, Reading
+from wasd_core.robot_io import JointStates, Reading
 
 # Biases and white noise of the same seed have streams of their own.
 STREAM = 15
@@ -51,10 +52,11 @@ class NoisySensors:
         bias = noise.acceleration_bias * _direction(self._random)
         # A stream of its own: what is white stays the same with and without drift.
         self._walks = np.random.default_rng((seed, STREAM))
-        # Of gyro, accelerometer and heading: see `ImuErrors`.
+        # Biases of gyro and accelerometer, (3,), and how far the heading is off [rad].
         self._errors = np.array((*(noise.gyro_bias * _direction(self._walks)), *bias, 0.0))
         self._time: float | None = None
-        self._imu: _ImuNoise | None = None
+        self._drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
+        self._add: Callable[..., Reading] | None = None
         self._coming: list[np.ndarray] = []  # drawn, the next one last
 
     def measure(self, true: Reading, time: float = 0.0) -> Reading:
@@ -70,36 +72,24 @@ class NoisySensors:
             return Reading(joints, None)
         elapsed = 0.0 if self._time is None else time - self._time
         self._time = time
-        if self._imu is None:
-            self._imu = _ImuNoise(self._noise, self._errors)
-        if not self._coming:
-            self._coming = self._draw(2 * len(true.joints.position) + 9, self._imu.drifts)
-        return self._imu.add(true.joints, true.imu, self._coming.pop(), elapsed)
+        if self._add is None:
+            # Here, because only legs have an IMU, and what compiles takes a while to load.
+            from mujoco_sim.compiled import add_noise, NoiseSizes
 
-    def _draw(self, count: int, drifts: bool) -> list[np.ndarray]:
+            noise = self._noise
+            imu = noise.orientation, noise.angular_velocity, noise.acceleration
+            drift = noise.gyro_walk, noise.acceleration_walk, self._drifts
+            sizes = NoiseSizes(noise.joint_position, noise.joint_velocity, *imu, *drift)
+            self._add, self._memory = add_noise, np.array((*self._errors, *sizes))
+        if not self._coming:
+            self._coming = self._draw(2 * len(true.joints.position) + 9)
+        return self._add(true.joints, true.imu, self._memory, self._coming.pop(), elapsed)
+
+    def _draw(self, count: int) -> list[np.ndarray]:
         """Return the white noises and the 6 steps of the biases of readings, (count + 6,)."""
         white = self._random.standard_normal((_DRAWN, count))
-        steps = self._walks.standard_normal((_DRAWN, 6)) if drifts else np.zeros((_DRAWN, 6))
+        steps = self._walks.standard_normal((_DRAWN, 6)) if self._drifts else np.zeros((_DRAWN, 6))
         return list(np.hstack((white, steps))[::-1])
-
-
-class _ImuNoise:
-    """The compiled part, loaded with the first IMU: only legs have one, and it takes a while."""
-
-    def __init__(self, noise: SensorNoise, errors: np.ndarray) -> None:
-        from mujoco_sim.compiled import add_noise, NoiseSizes
-
-        self.drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
-        white = noise.orientation, noise.angular_velocity, noise.acceleration
-        drift = noise.gyro_walk, noise.acceleration_walk, self.drifts
-        sizes = NoiseSizes(noise.joint_position, noise.joint_velocity, *white, *drift)
-        self._add, self._memory = add_noise, np.array((*errors, *sizes))
-
-    def add(
-        self, joints: JointStates, imu: ImuReading, drawn: np.ndarray, elapsed: float
-    ) -> Reading:
-        """Return a noisy reading: see `add_noise`."""
-        return self._add(joints, imu, self._memory, drawn, elapsed)
 
 
 def _direction(random: np.random.Generator) -> np.ndarray:
