@@ -268,9 +268,4 @@ def _open_stream(path: str) -> int:
 def _write_all(file: int, data: bytes) -> None:
     view = memoryview(data)
     while view:
-        try:
-            view = view[os.write(file, view) :]
-        except BlockingIOError:
-            # A terminal that has no room just now; nothing else here is set not to wait.
-            if not select.select([], [file], [], PATIENCE)[1]:
-                raise
+        view = view[os.write(file, view) :]

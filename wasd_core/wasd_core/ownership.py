@@ -5,14 +5,14 @@ import os
 import stat
 
 
-def others_can_write(status: os.stat_result, *owners: int) -> str:
+def others_can_write(status: os.stat_result) -> str:
     """
-    Return who but us, root and the users `owners` may write to a file or folder; '' for nobody.
+    Return who but us and root may write to a file or folder; '' for nobody.
 
     A group of the number of its user is taken for his own, as Debian, Ubuntu and Fedora make one
     for each user.
     """
-    if status.st_uid not in (0, os.geteuid(), *owners):
+    if status.st_uid not in (0, os.geteuid()):
         return f'belongs to user {status.st_uid}'
     mode = f'(mode {stat.S_IMODE(status.st_mode):o})'
     if status.st_mode & stat.S_IWOTH:

@@ -4,13 +4,18 @@
 from collections.abc import Collection, Mapping, Sequence
 import dataclasses
 import math
+import operator
 from types import MappingProxyType
 from typing import Any, NamedTuple, Self, TypeVar
 
 from wasd_core.errors import suggest, UserError
 
-# The ends of a range, and how they are written.
-BOUNDS = {'above': '>', 'below': '<', 'minimum': '>=', 'maximum': '<='}
+# The ends of a range, how they are written and compared.
+BOUNDS = {
+    'above': ('>', operator.gt),
+    'minimum': ('>=', operator.ge),
+    'maximum': ('<=', operator.le),
+}
 
 # Of an integer, what a float can be; of what errors show, the characters.
 LARGEST, LONGEST_SHOWN = 10**300, 80
@@ -26,7 +31,6 @@ def parameter(
     doc: str,
     unit: str = '',
     above: float | None = None,
-    below: float | None = None,
     minimum: float | None = None,
     maximum: float | None = None,
     span: tuple[Any, Any] | None = None,
@@ -39,11 +43,11 @@ def parameter(
     """
     Return the dataclass field of one parameter.
 
-    `above` and `below` exclude their bound, `minimum` and `maximum` include theirs; `choices`
-    lists the legal strings. `read_only` parameters are fixed once a node has started. `name` is
-    what users call it where that is no Python name (`linear.x.max_velocity`); `nan` says what NaN
-    means where it is legal, and with `or_zero` 0 is legal below the minimum: it stands for a word.
-    A tuple makes a list of its items' type, of strings when empty; bounds hold for each item.
+    `above` excludes its bound, `minimum` and `maximum` include theirs; `choices` lists the legal
+    strings. `read_only` parameters are fixed once a node has started. `name` is what users call
+    it where that is no Python name (`linear.x.max_velocity`); `nan` says what NaN means where it
+    is legal, and with `or_zero` 0 is legal below the minimum: it stands for a word. A tuple makes
+    a list of its items' type, of strings when empty; bounds hold for each item.
 
     What people give (a file, ROS) must lie in the `span`, of which both ends belong to it and are
     tuples for a list; without one, within the bounds. Code may go beyond it, as far as the bounds:
@@ -55,7 +59,6 @@ def parameter(
             'doc': doc,
             'unit': unit,
             'above': above,
-            'below': below,
             'minimum': minimum,
             'maximum': maximum,
             'span': span,
@@ -206,7 +209,7 @@ def as_given(meta: Mapping[str, Any], index: int | None = None) -> Mapping[str, 
     if meta.get('span') is None:
         return meta
     low, high = meta['span'] if index is None else (end[index] for end in meta['span'])
-    return {**meta, 'above': None, 'below': None, 'minimum': low, 'maximum': high}
+    return {**meta, 'above': None, 'minimum': low, 'maximum': high}
 
 
 def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) -> Any:
@@ -233,12 +236,8 @@ def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) ->
 def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
     if meta.get('or_zero') and value == 0.0:
         return True
-    return (
-        (meta.get('above') is None or value > meta['above'])
-        and (meta.get('below') is None or value < meta['below'])
-        and (meta.get('minimum') is None or value >= meta['minimum'])
-        and (meta.get('maximum') is None or value <= meta['maximum'])
-    )
+    given = ((fits, meta.get(key)) for key, (_, fits) in BOUNDS.items())
+    return all(bound is None or fits(value, bound) for fits, bound in given)
 
 
 def is_utf8(text: str) -> bool:
@@ -274,8 +273,6 @@ def numeric_ends(field: 'dataclasses.Field[Any]') -> tuple[Any, Any]:
     high = math.inf if high is None else high
     if meta['above'] is not None:
         low = math.nextafter(meta['above'], math.inf)
-    if meta['below'] is not None:
-        high = math.nextafter(meta['below'], -math.inf)
     if isinstance(field.default, tuple) and meta.get('span') is None:
         return (low,) * len(field.default), (high,) * len(field.default)
     return low, high
@@ -291,10 +288,8 @@ def _plain(bound: float | tuple[float, ...]) -> str:
 
 def describe_range(meta: Mapping[str, Any]) -> str:
     """Return the legal range of a parameter in words, with its unit."""
-    parts = []
-    for key, sign in BOUNDS.items():
-        if meta.get(key) is not None:
-            parts.append(f'{sign} {_plain(meta[key])}')
+    given = ((sign, meta.get(key)) for key, (sign, _) in BOUNDS.items())
+    parts = [f'{sign} {_plain(bound)}' for sign, bound in given if bound is not None]
     text = ' and '.join(parts) or 'a number'
     text = f'{text} {meta["unit"]}' if meta.get('unit') else text
     text = f'0, or {text}' if meta.get('or_zero') else text

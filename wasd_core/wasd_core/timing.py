@@ -1,11 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""
-The dead man's switch: signs of held keys, and timers that read no clock.
-
-The name of a key on `keys` is a press of it. Where a keyboard tells more, `HELD+w` says that w is
-(still) down and that its end will be told, and `RELEASE+w` is that end; who cares for presses
-only skips both.
-"""
+"""The dead man's switch: signs of held keys (docs/keyboard.md), timers that read no clock."""
 
 import math
 from typing import NamedTuple
@@ -88,9 +82,9 @@ class Notice:
     what explains it stands in parentheses at the end, and is left out first (`brief`).
     """
 
-    def __init__(self, seconds: float = READING_TIME) -> None:
+    def __init__(self) -> None:
         self._text = ''
-        self._fresh = Watchdog(seconds)
+        self._fresh = Watchdog(READING_TIME)
 
     @property
     def text(self) -> str:
