@@ -85,15 +85,16 @@ def _cycle_node(make: Callable[[], Any]) -> None:
 
 def _cycle_teleop(make: Callable[[Any], Any]) -> None:
     import rclpy
-    from teleop_keyboard.key_reader import KeyReader, Pipe
+    from teleop_keyboard.key_reader import KeyReader
     from teleop_keyboard.screen import Screen
+    from teleop_keyboard.terminal import Source
     from wasd_core.node import init_ros
 
     init_ros([])
     reading, writing = os.pipe()
     os.write(writing, b'w')
     os.close(writing)
-    with open(os.devnull, 'w') as screen, KeyReader(None, Pipe(reading)) as reader:
+    with open(os.devnull, 'w') as screen, KeyReader(None, Source(reading)) as reader:
         teleop = make(reader)
         teleop.keys.publish_key(reader.poll(0.02)[0])
         teleop._executor.handle(0.02)

@@ -229,7 +229,7 @@ def plain_line(logic: KeysToTwist, around: Surroundings) -> str:
     target = ' '.join(
         f'{AXES[axis][0]} {round(logic.target[axis], 2) + 0.0:+.2f}' for axis in logic.keymap.axes
     )
-    keys = ' '.join(map(key_words, logic.keys_down)) or key_words(logic.last_key) or '-'
+    keys = ' '.join(map(key_words, logic.motion.hold.held)) or key_words(logic.last_key) or '-'
     text = (
         f'keys {keys}  full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s  '
         f'target {target}  {_connection(around).text.strip()}'
@@ -256,8 +256,8 @@ def bar(value: float, full: float, width: int) -> str:
 
 def _head(logic: KeysToTwist, around: Surroundings, columns: int) -> list[Line]:
     keymap = logic.keymap
-    title = f' wasd teleop   preset {keymap.name}   mode {logic.mode}   {HELP_KEY} all keys'
-    down = ' '.join(f'[{key_words(key)}]' for key in logic.keys_down)
+    title = f' wasd teleop   preset {keymap.name}   mode {logic.motion.mode}   {HELP_KEY} all keys'
+    down = ' '.join(f'[{key_words(key)}]' for key in logic.motion.hold.held)
     keys = down or (f'last {key_words(logic.last_key)}' if logic.last_key else '-')
     state = around.state if around.state is not None else 'says nothing on state'
     return [

@@ -327,32 +327,13 @@ def _modified(key: str | None, modifiers: int) -> str | None:
     return with_modifiers(key, ctrl=bool(bits & 4), alt=bool(bits & 2), shift=bool(bits & 1))
 
 
-class CharacterDecoder:
+class CharacterDecoder(KeyDecoder):
     """Turns bytes into characters, control characters included: what the tutorials publish."""
 
-    pending = False
-    down: tuple[str, ...] = ()
-    speaks_kitty = False
-    dropped = 0
-
     def __init__(self) -> None:
+        super().__init__()
         self._decoder = codecs.getincrementaldecoder('utf-8')('replace')
 
     def feed(self, data: bytes) -> list[str]:
         """Return the characters completed by `data`."""
         return list(self._decoder.decode(data))
-
-    def flush(self) -> list[str]:
-        """Return nothing: no character waits for its end in vain."""
-        return []
-
-    def forget_down(self) -> list[str]:
-        """Return nothing: releases are not told."""
-        return []
-
-    def step(self, dt: float) -> None:
-        """Let `dt` [s] pass; nothing grows old."""
-
-    def give_up(self) -> list[str]:
-        """Return nothing: no key is down."""
-        return []

@@ -203,48 +203,29 @@ class Motion:
 
     `hold`: all keys that are down count together. `latch`: the last key counts until the next.
     `step`: each press adds a share of full speed, up to all of it. In the latter two a direction
-    ends when no motion key was heard of for `longest` [s]. `step` lets time pass.
+    ends when no motion key was heard of for `hold.longest` [s]. `step` lets time pass.
     """
 
     def __init__(self, keys: Mapping[str, Direction], mode: str, share: float) -> None:
         self._keys = keys
-        self._hold = KeyHold()
+        self.hold = KeyHold()
         self._latched = NOWHERE
         self._silence = 0.0
         self.mode = mode
         self.share = share
 
     @property
-    def longest(self) -> float:
-        """How long a key counts at most without another word of it [s]."""
-        return self._hold.longest
-
-    @longest.setter
-    def longest(self, seconds: float) -> None:
-        self._hold.longest = seconds
-
-    @property
     def direction(self) -> Direction:
         """Shares of full speed and turn."""
         if self.mode == 'hold':
-            return combine(self._keys[key] for key in self._hold.held)
+            return combine(self._keys[key] for key in self.hold.held)
         return self._latched
-
-    @property
-    def keys_down(self) -> tuple[str, ...]:
-        """The motion keys that count as down, in the order of their first press."""
-        return self._hold.held
-
-    @property
-    def is_idle(self) -> bool:
-        """Whether time alone will change nothing."""
-        return self._hold.is_idle
 
     def press(self, key: str) -> None:
         """Take a press or a repeat of a motion key."""
-        if self._hold.hear_ignored(key):
+        if self.hold.hear_ignored(key):
             return
-        self._hold.press(key)
+        self.hold.press(key)
         self._silence = 0.0
         asked = self._keys[key]
         if self.mode == 'latch':
@@ -259,26 +240,26 @@ class Motion:
     def keep_down(self, key: str) -> None:
         """Note that a motion key is down and that its release will be told."""
         if key in self._keys:
-            self._hold.keep_down(key)
+            self.hold.keep_down(key)
             self._silence = 0.0
 
     def release(self, key: str) -> None:
         """Note that a key was released."""
-        self._hold.release(key)
+        self.hold.release(key)
 
     def forget(self) -> None:
         """Ask for standing still."""
-        self._hold.clear()
+        self.hold.clear()
         self._latched = NOWHERE
 
     def stop(self) -> None:
         """Ask for standing still, also while keys are down: they count when pressed again."""
-        self._hold.ignore_down()
+        self.hold.ignore_down()
         self._latched = NOWHERE
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass."""
-        self._hold.step(dt)
+        self.hold.step(dt)
         self._silence += dt
-        if self._silence >= self.longest - ROUNDING:
+        if self._silence >= self.hold.longest - ROUNDING:
             self._latched = NOWHERE

@@ -157,7 +157,8 @@ def open_keyboard(
     """
     options = read_options(program, words)
     reader = open_key_reader()
-    saved = KeyScriptWriter(options.save_keys) if options.save_keys else contextlib.nullcontext()
+    file = options.save_keys
+    saved = contextlib.closing(KeyScriptWriter(file)) if file else contextlib.nullcontext()
     with saved as writer, reader:
         if reader.terminal is not None:
             stop.last_words.append(reader.terminal.restore)

@@ -70,20 +70,6 @@ LONGEST_BURST = 2000
 IGNORED = 'pasted text was ignored (keys that are pressed drive)'
 
 
-class Pipe(Source):
-    """Bytes of keys from a pipe, a socket or a file."""
-
-    def __init__(self, descriptor: int) -> None:
-        super().__init__(descriptor)
-        self.was_used = False
-
-    def read(self) -> bytes:
-        """Return what is there, at most one buffer, without waiting; b'' for nothing."""
-        data = super().read()
-        self.was_used = self.was_used or bool(data)
-        return data
-
-
 class KeyReader:
     """
     Context that reads keys from a terminal (raw while it lasts) and from a pipe, if given.
@@ -98,10 +84,10 @@ class KeyReader:
     ends with STOP.
     """
 
-    def __init__(self, terminal: Terminal | None, pipe: Pipe | None = None) -> None:
+    def __init__(self, terminal: Terminal | None, pipe: Source | None = None) -> None:
         self.terminal = terminal
         self.pipe = pipe
-        self._decoders: dict[Source, KeyDecoder | CharacterDecoder] = {}
+        self._decoders: dict[Source, KeyDecoder] = {}
         self._pending_since: dict[Source, float] = {}
         for source in (terminal, pipe):
             if source is not None:
@@ -255,7 +241,7 @@ def open_key_reader() -> KeyReader:
     Raises:
         NoTerminal: when there is neither.
     """
-    pipe = Pipe(0) if _stdin_is_pipe() else None
+    pipe = Source(0) if _stdin_is_pipe() else None
     try:
         return KeyReader(open_terminal(), pipe)
     except NoTerminal:

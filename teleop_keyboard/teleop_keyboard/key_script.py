@@ -8,7 +8,7 @@ a key that is held, N presses at a keyboard's repeat rate. `#` starts a comment.
 
 import math
 import re
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from wasd_core.errors import UserError
 from wasd_core.output_file import OutputFile
@@ -106,7 +106,7 @@ def script_word(key: str) -> str:
 
 class KeyScriptWriter:
     """
-    Context that writes keys to a file as a script; each line is on disk when `write` returns.
+    Writes keys to a file as a script; each line is on disk when `write` returns.
 
     Raises:
         OutputError: the file cannot be written; so do `write` and `close`.
@@ -119,14 +119,6 @@ class KeyScriptWriter:
     def write(self, time: float, key: str) -> None:
         """Write that a key came at `time` [s]; digits are kept so that a replay is exact."""
         self._file.append(f'{time!r} {script_word(key)}\n'.encode())
-
-    def __enter__(self) -> Self:
-        """Return the writer."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the file."""
-        self.close()
 
     def close(self) -> None:
         """Close the file."""

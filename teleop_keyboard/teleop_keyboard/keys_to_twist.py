@@ -118,69 +118,34 @@ class KeysToTwist:
     """
 
     def __init__(self, keymap: Keymap, parameters: TeleopParameters | None = None) -> None:
-        self._keymap = keymap
+        self.keymap = keymap
         self._parameters = TeleopParameters()
-        self._speed = keymap.speed
-        self._turn = keymap.turn
-        self._motion = Motion(keymap.motion, keymap.mode, self._parameters.step_share)
-        self._last_key = ''
-        self._velocity = STANDSTILL
+        self.speed = keymap.speed  # full, as set by parameters and speed keys [m/s]
+        self.turn = keymap.turn  # [rad/s]
+        self.motion = Motion(keymap.motion, keymap.mode, self._parameters.step_share)
+        self.last_key = ''
+        self.velocity = STANDSTILL
         self._is_silent = False
         self._since_publish = 0.0
         self.set_parameters(parameters or TeleopParameters())
         self.reset()
 
     @property
-    def keymap(self) -> Keymap:
-        """The table in force."""
-        return self._keymap
-
-    @property
-    def speed(self) -> float:
-        """Full speed as set by parameters and speed keys [m/s]."""
-        return self._speed
-
-    @property
-    def turn(self) -> float:
-        """Full turn rate as set by parameters and speed keys [rad/s]."""
-        return self._turn
-
-    @property
     def rate(self) -> float:
         """How often a moving robot gets a command [Hz]."""
-        return self._parameters.rate or self._keymap.rate
-
-    @property
-    def last_key(self) -> str:
-        """The last key that was pressed, '' before the first."""
-        return self._last_key
-
-    @property
-    def mode(self) -> str:
-        """How long a motion key counts: hold, latch or step."""
-        return self._motion.mode
-
-    @property
-    def keys_down(self) -> tuple[str, ...]:
-        """The motion keys that count as down."""
-        return self._motion.keys_down
+        return self._parameters.rate or self.keymap.rate
 
     @property
     def target(self) -> Velocity:
         """The velocity that the ramp moves toward."""
-        direction = self._motion.direction
-        x, y, z = (share * self._speed for share in direction[:3])
-        return Velocity(x, y, z, direction.yaw * self._turn)
-
-    @property
-    def velocity(self) -> Velocity:
-        """The velocity commanded now."""
-        return self._velocity
+        direction = self.motion.direction
+        x, y, z = (share * self.speed for share in direction[:3])
+        return Velocity(x, y, z, direction.yaw * self.turn)
 
     @property
     def is_moving(self) -> bool:
         """Whether the command is not, or will not stay, zero."""
-        return self._velocity != STANDSTILL or self.target != STANDSTILL
+        return self.velocity != STANDSTILL or self.target != STANDSTILL
 
     @property
     def is_silent(self) -> bool:
@@ -189,7 +154,7 @@ class KeysToTwist:
 
         Keys that are down and cancel each other are no silence: one will be released first.
         """
-        return self._is_silent and not self.is_moving and self._motion.is_idle
+        return self._is_silent and not self.is_moving and self.motion.hold.is_idle
 
     def set_parameters(self, parameters: TeleopParameters) -> None:
         """
@@ -199,16 +164,16 @@ class KeysToTwist:
             InvalidParameter: when two names of one quantity disagree, or a limit is exceeded;
                 nothing is changed then.
         """
-        keymap = self._keymap
+        keymap = self.keymap
         speed = self._changed(parameters, SPEED_NAMES, keymap.speed, keymap.speed_limits)
         turn = self._changed(parameters, TURN_NAMES, keymap.turn, keymap.turn_limits)
-        self._speed = self._speed if speed is None else speed
-        self._turn = self._turn if turn is None else turn
+        self.speed = self.speed if speed is None else speed
+        self.turn = self.turn if turn is None else turn
         mode = keymap.mode if parameters.mode == AS_PRESET else parameters.mode
-        if mode != self._motion.mode:
-            self._motion.forget()
-        self._motion.mode, self._motion.share = mode, parameters.step_share
-        self._motion.longest = parameters.key_timeout or math.inf
+        if mode != self.motion.mode:
+            self.motion.forget()
+        self.motion.mode, self.motion.share = mode, parameters.step_share
+        self.motion.hold.longest = parameters.key_timeout or math.inf
         self._parameters = parameters
         self._pace = self._pace_of(parameters)
 
@@ -222,51 +187,51 @@ class KeysToTwist:
         if not key:
             return
         if event:
-            (self._motion.keep_down if event == HELD else self._motion.release)(key)
+            (self.motion.keep_down if event == HELD else self.motion.release)(key)
             return
-        keymap = self._keymap
+        keymap = self.keymap
         if keymap.first_character_only and key != STOP_KEY:
             key = key[0]
-        self._last_key = key
+        self.last_key = key
         if key == STOP_KEY or key in keymap.stop_keys:
             self.stop()
         elif key in keymap.motion:
-            self._motion.press(key)
+            self.motion.press(key)
         elif key in keymap.speed_keys:
             factor = keymap.speed_keys[key]
-            self._speed = keymap.speed_limits.clamp(self._speed * factor.linear)
-            self._turn = keymap.turn_limits.clamp(self._turn * factor.angular)
+            self.speed = keymap.speed_limits.clamp(self.speed * factor.linear)
+            self.turn = keymap.turn_limits.clamp(self.turn * factor.angular)
         elif keymap.other_keys == 'stop':
-            self._motion.forget()
+            self.motion.forget()
 
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion, at once or on the ramp."""
-        if self._motion.mode != 'hold' and self._keymap.motion.get(key) == NOWHERE:
+        if self.motion.mode != 'hold' and self.keymap.motion.get(key) == NOWHERE:
             return True
-        return key == STOP_KEY or key in self._keymap.stop_keys
+        return key == STOP_KEY or key in self.keymap.stop_keys
 
     def latches(self, key: str) -> bool:
         """Whether what a press of this key sets moving goes on when the key is let go."""
-        return key in self._keymap.motion and self._motion.mode != 'hold'
+        return key in self.keymap.motion and self.motion.mode != 'hold'
 
     def release_all(self) -> None:
         """Stop on the ramp: no key counts any more."""
-        self._motion.forget()
+        self.motion.forget()
 
     def stop(self) -> None:
         """Stop without a ramp; the next `step` returns a zero, whatever the idle policy."""
-        self._motion.stop()
-        self._velocity = STANDSTILL
+        self.motion.stop()
+        self.velocity = STANDSTILL
         self._is_silent = False
         self._since_publish = math.inf
 
     def reset(self) -> None:
         """Return to the state at the start: standing, full speeds as parameters say."""
-        self._motion.forget()
-        self._last_key = ''
-        self._velocity = STANDSTILL
-        self._speed = self._first_set(SPEED_NAMES) or self._keymap.speed
-        self._turn = self._first_set(TURN_NAMES) or self._keymap.turn
+        self.motion.forget()
+        self.last_key = ''
+        self.velocity = STANDSTILL
+        self.speed = self._first_set(SPEED_NAMES) or self.keymap.speed
+        self.turn = self._first_set(TURN_NAMES) or self.keymap.turn
         self._is_silent = self._idle != 'repeat'
         self._since_publish = math.inf
 
@@ -278,20 +243,20 @@ class KeysToTwist:
         are; the ramp alone goes on for no more than LONGEST_STEP.
         """
         dt = dt if math.isfinite(dt) and dt > 0.0 else 0.0
-        self._motion.step(dt)
+        self.motion.step(dt)
         dt = min(dt, LONGEST_STEP)
-        self._velocity = ramped_twist(self._velocity, self.target, self._pace, dt)
-        return self._velocity if self._is_due(dt) else None
+        self.velocity = ramped_twist(self.velocity, self.target, self._pace, dt)
+        return self.velocity if self._is_due(dt) else None
 
     @property
     def _idle(self) -> str:
         idle = self._parameters.idle
-        return self._keymap.idle if idle == AS_PRESET else idle
+        return self.keymap.idle if idle == AS_PRESET else idle
 
     def _pace_of(self, parameters: TeleopParameters) -> Pace:
         """Return the ramps: what is not set follows from what is."""
-        linear = parameters.linear_accel or self._keymap.linear_accel
-        angular = parameters.angular_accel or self._keymap.angular_accel
+        linear = parameters.linear_accel or self.keymap.linear_accel
+        angular = parameters.angular_accel or self.keymap.angular_accel
         linear_decel = parameters.linear_decel or linear
         angular_decel = parameters.angular_decel or angular
         return Pace(
@@ -307,10 +272,10 @@ class KeysToTwist:
     def _is_due(self, dt: float) -> bool:
         """Tell whether a command is to be published now, `dt` after the step before."""
         self._since_publish += dt
-        if self._idle == 'repeat' or (self._idle == 'zeros' and self._last_key):
+        if self._idle == 'repeat' or (self._idle == 'zeros' and self.last_key):
             self._is_silent = False
         elif self._is_silent:
-            if self._velocity == STANDSTILL:
+            if self.velocity == STANDSTILL:
                 return False
             self._is_silent = False
             self._since_publish = math.inf
@@ -344,7 +309,7 @@ class KeysToTwist:
         if not limits.low <= value <= limits.high:
             raise InvalidParameter(
                 f'{changed[0]} must be within {limits.low:g} .. {limits.high:g} '
-                f'(preset {self._keymap.name}), got {value:g}'
+                f'(preset {self.keymap.name}), got {value:g}'
             )
         return value
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that turns keys into velocity commands, and the executable `keys_to_twist`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import sys
 from typing import Any
 
@@ -28,8 +28,7 @@ class KeysToTwistNode(Node):
 
     Alone it makes its logic by the parameters, and steps itself with a timer on its own clock
     (simulated time, if so set). Who gives it a `logic`, to which all parameters but preset and
-    layout are applied, steps that, by `step` or by itself. `receivers` are called with each
-    message first.
+    layout are applied, steps that, by `step` or by itself.
 
     Raises:
         InvalidParameter: when a parameter or the preset is not valid.
@@ -51,30 +50,14 @@ class KeysToTwistNode(Node):
         )
         self.logic.set_parameters(self._settings)
         stamped = declare_stamped(self)
-        self._output = TwistOutput(
+        self.output = TwistOutput(
             self, 'cmd_vel', stamped, lambda: self._settings.frame_id, follow=logic is None
         )
-        self.receivers: list[Callable[[Any], None]] = self._output.receivers
         self._last_time = self.get_clock().now()
         self._timer = self._make_timer() if logic is None else None
         self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         if logic is None:
             self._keyboard = PublisherWatch(self, 'keys', self._on_lost_keyboard)
-
-    @property
-    def has_subscriber(self) -> bool:
-        """Whether anybody listens to `cmd_vel`."""
-        return self.subscriber_count > 0
-
-    @property
-    def subscriber_count(self) -> int:
-        """Number of listeners to `cmd_vel`."""
-        return self._output.subscriber_count
-
-    @property
-    def message_type(self) -> str:
-        """Twist or TwistStamped."""
-        return self._output.type.__name__
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass and publish what is due."""
@@ -87,7 +70,7 @@ class KeysToTwistNode(Node):
         self.logic.stop()
         for _ in range(LAST_ZEROS):
             self._send(STANDSTILL)
-        self._output.wait_for_all_acked(LAST_WORDS_TIMEOUT)
+        self.output.wait_for_all_acked(LAST_WORDS_TIMEOUT)
 
     def stop(self) -> None:
         """Stop without a ramp, now."""
@@ -137,7 +120,7 @@ class KeysToTwistNode(Node):
         return self.create_timer(1.0 / self.logic.rate, self._on_timer)
 
     def _send(self, velocity: Velocity) -> None:
-        self._output.publish(to_twist(velocity))
+        self.output.publish(to_twist(velocity))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -88,15 +88,10 @@ class Mux:
         self._heard: dict[str, float] = {}
         self._lock_heard: dict[str, float] = {}
         self._closed: dict[str, bool] = {}
-        self._selected = ''
+        self.selected = ''  # the source that drives
         self._now = -math.inf
         self._zero_is_due = False
         self.configure(sources, locks)
-
-    @property
-    def selected(self) -> str:
-        """The name of the source that drives, '' while none does."""
-        return self._selected
 
     def configure(self, sources: Sequence[MuxInput], locks: Sequence[MuxInput]) -> None:
         """
@@ -119,7 +114,7 @@ class Mux:
         self._heard[name] = now
         self._select()
         # A message that is relayed makes a zero that was due for another source needless.
-        relayed = self._selected == name
+        relayed = self.selected == name
         self._zero_is_due = self._zero_is_due and not relayed
         return relayed
 
@@ -160,7 +155,7 @@ class Mux:
         ]
         # max() keeps the first of equals.
         chosen = max(alive, key=lambda source: source.priority).name if alive else ''
-        previous, self._selected = self._selected, chosen
+        previous, self.selected = self.selected, chosen
         overruled = previous in {source.name for source in alive}
         if previous and not overruled:
             self._zero_is_due = True

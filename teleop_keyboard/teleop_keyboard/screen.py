@@ -81,15 +81,11 @@ class Screen:
         self._shown, self._shown_at = (text,), now
         offer(self._stream, visible(text) + '\n')
 
-    def pause(self) -> None:
-        """Give the terminal back as it was."""
+    def close(self) -> None:
+        """Give the terminal back as it was; the next page takes it again."""
         if self._is_open:
             self._is_open = False
             offer(self._stream, CLOSE, PATIENCE)
-
-    def close(self) -> None:
-        """Give the terminal back as it was."""
-        self.pause()
 
 
 def styled(line: Line, in_ascii: bool) -> str:

@@ -108,7 +108,7 @@ class Teleop:
     def run(self, stop: StopSignals, screen: Screen) -> None:
         """Handle keys and messages until a signal or until no more key can come."""
         if self._reader.terminal is None:
-            wait_for_subscriber(lambda: self.twist.has_subscriber, stop)
+            wait_for_subscriber(lambda: self.twist.output.subscriber_count > 0, stop)
         while rclpy.ok() and not (stop.requested or self._is_finished):
             period = SILENT_POLL_PERIOD if self.twist.logic.is_silent else POLL_PERIOD
             with self._reader.undisturbed():
@@ -143,8 +143,8 @@ class Teleop:
         around = Surroundings(
             velocity=self._monitor.velocity,
             state=self._monitor.state,
-            subscribers=self.twist.subscriber_count,
-            message_type=self.twist.message_type,
+            subscribers=self.twist.output.subscriber_count,
+            message_type=self.twist.output.type.__name__,
             hint=self._notice.text,
             shows_help=self._shows_help,
         )
@@ -173,7 +173,7 @@ class Teleop:
 
 def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop, stop: StopSignals) -> None:
     """Leave the screen when the process is suspended; say the keys where there is no screen."""
-    leave = [screen.pause]
+    leave = [screen.close]
     if reader.terminal is not None:
         # What was switched on in the screen is switched off in it.
         leave.insert(0, reader.terminal.switch_off)

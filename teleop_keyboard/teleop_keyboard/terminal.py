@@ -61,16 +61,12 @@ class NoTerminal(UserError):
 
 
 class Source:
-    """Bytes of keys, from a descriptor."""
+    """Bytes of keys, from a terminal, a pipe, a socket or a file."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        self._closed = False
-
-    @property
-    def closed(self) -> bool:
-        """Whether nothing more will come: its end was read, or the terminal hung up."""
-        return self._closed
+        self.closed = False  # its end was read, or the terminal hung up
+        self.was_used = False
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -78,8 +74,9 @@ class Source:
 
     def read(self) -> bytes:
         """Return what is there, at most one buffer, without waiting; b'' for nothing."""
-        data = None if self._closed else read_ready(self._descriptor)
-        self._closed = self._closed or data == b''
+        data = None if self.closed else read_ready(self._descriptor)
+        self.closed = self.closed or data == b''
+        self.was_used = self.was_used or bool(data)
         return data or b''
 
 

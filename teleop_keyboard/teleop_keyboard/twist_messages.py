@@ -108,7 +108,7 @@ def type_of(infos: list[Any]) -> type | None:
 
 class TwistOutput:
     """
-    Publishes velocities on a topic of a node.
+    Publishes velocities on a topic of a node, after `receivers` are called with each message.
 
     With `stamped` `auto` the type is that of the subscribers as far as they agree, Twist before
     there is one. One warning names the nodes that have the topic under the other type. A process

@@ -3,7 +3,7 @@
 
 from wasd_core.timing import is_press, STOP_KEY
 
-from teleop_keyboard.decoder import CharacterDecoder, KeyDecoder
+from teleop_keyboard.decoder import KeyDecoder
 from teleop_keyboard.hold import SHORTEST_GAP
 from teleop_keyboard.keymap import SIGNAL_KEYS
 
@@ -88,7 +88,7 @@ class TypedKeys:
     told to be down. `most` keys may come in one instant. It reads no clock.
     """
 
-    def __init__(self, decoder: KeyDecoder | CharacterDecoder, most: int = MOST_AT_ONCE) -> None:
+    def __init__(self, decoder: KeyDecoder, most: int = MOST_AT_ONCE) -> None:
         self._decoder = decoder
         self._pastes = Pastes()
         self._speed = TypingSpeed(most)

@@ -133,7 +133,7 @@ def test_a_paused_screen_comes_back_with_the_same_page():
     terminal = Terminal()
     screen = Screen(terminal)
     screen.show(page('a'), 0.0)
-    screen.pause()
+    screen.close()
     assert terminal.getvalue().endswith(CLOSE)
     screen.show(page('a'), 1.0)
     assert terminal.getvalue().count(OPEN) == 2

@@ -185,7 +185,7 @@ def test_keys_that_cancel_each_other_are_no_silence_but_end_as_all_do():
     assert published(run(logic, '', 0.5)) == []
     assert not logic.is_silent
     run(logic, '', 1.0)
-    assert logic.keys_down == ()
+    assert logic.motion.hold.held == ()
     assert logic.is_silent
 
 

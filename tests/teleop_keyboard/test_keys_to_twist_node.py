@@ -36,7 +36,7 @@ def make_node(ros):
         logic = KeysToTwist(load_preset(parameters.get('preset', 'mbot')))
         nodes.append(KeysToTwistNode(logic, parameter_overrides=overrides))
         nodes[-1].received = []
-        nodes[-1].receivers.append(nodes[-1].received.append)
+        nodes[-1].output.receivers.append(nodes[-1].received.append)
         return nodes[-1]
 
     yield make
@@ -145,7 +145,7 @@ def test_keys_that_cancelled_each_other_are_forgotten_when_the_next_one_comes(ro
     while time.monotonic() < end:
         executor.spin_once(timeout_sec=0.01)
     node.keys.hear(String(data='s'))
-    assert node.logic.keys_down == ('s',)
+    assert node.logic.motion.hold.held == ('s',)
     executor.shutdown()
     node.destroy_node()
 
@@ -153,7 +153,9 @@ def test_keys_that_cancelled_each_other_are_forgotten_when_the_next_one_comes(ro
 def test_alone_it_follows_its_own_clock(ros):
     node = KeysToTwistNode()
     received = []
-    node.receivers.append(lambda message: received.append((time.monotonic(), from_twist(message))))
+    node.output.receivers.append(
+        lambda message: received.append((time.monotonic(), from_twist(message)))
+    )
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     node.keys.hear(String(data='i'))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys that were saved give the same velocities again."""
 
+from contextlib import closing
 import random
 
 from cases import for_all
@@ -26,7 +27,7 @@ EVENTS = ['HELD+i', 'RELEASE+i', 'HELD+SPACE', 'RELEASE+UP', 'HELD+#', 'RELEASE+
 @for_all('key', [*KEYS, *EVENTS, *sorted(NAMED_KEYS)])
 def test_every_key_is_read_back_as_it_was(tmp_path, key):
     path = tmp_path / 'saved.keys'
-    with KeyScriptWriter(OutputFile(path, '--save-keys')) as writer:
+    with closing(KeyScriptWriter(OutputFile(path, '--save-keys'))) as writer:
         writer.write(0.1, key)
     assert parse_key_script(path.read_text()) == [(0.1, key)]
 
@@ -35,7 +36,7 @@ def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
     def drive(presses, save=None):
         node = spawn(KeysToTwistNode(KeysToTwist(load_preset('wasd'))))
         sent = []
-        node.receivers.append(sent.append)
+        node.output.receivers.append(sent.append)
         waiting = list(presses)
         for index in range(3000):
             now = index * 0.002
@@ -52,7 +53,7 @@ def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
     names = ['w', 'a', 'd', 'q', 'r', 'HELD+w', 'RELEASE+w', ' ', 'x']
     typed = [(time, generator.choice(names)) for time in times]
     path = tmp_path / 'saved.keys'
-    with KeyScriptWriter(OutputFile(path, '--save-keys')) as writer:
+    with closing(KeyScriptWriter(OutputFile(path, '--save-keys'))) as writer:
         first = drive(typed, writer)
     assert len(first) > 100
     second = drive(parse_key_script(path.read_text()))

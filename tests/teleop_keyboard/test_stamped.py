@@ -56,13 +56,13 @@ def subscribers_of(ros_domain):
 def test_auto_follows_the_subscriber(teleop_of, subscribers_of, spawn, spin_until, message_type):
     subscribers_of(message_type)
     teleop = teleop_of(stamped='auto')
-    spin_until(spawn.pump, lambda: teleop.has_subscriber)
+    spin_until(spawn.pump, lambda: teleop.output.subscriber_count)
     sent = []
-    teleop.receivers.append(sent.append)
+    teleop.output.receivers.append(sent.append)
     teleop.keys.hear(String(data='i'))
     assert type(sent[-1]) is message_type
     for _ in range(10):
-        teleop._output.look()
+        teleop.output.look()
     assert teleop.warnings == []
 
 
@@ -76,13 +76,13 @@ def test_a_mismatch_is_told_once_within_two_seconds(
     subscribers_of(robot)
     spin_until(spawn.pump, lambda: teleop.warnings)
     for _ in range(10):
-        teleop._output.look()
+        teleop.output.look()
     (warning,) = teleop.warnings
     name = f'robot_{robot.__name__.lower()}'
     assert warning == (
         f'/cmd_vel: {name} has {robot.__name__}, this sends {ours}: see the parameter stamped'
     )
-    assert not teleop.has_subscriber
+    assert not teleop.output.subscriber_count
 
 
 def test_subscribers_that_disagree_are_told_of_too(teleop_of, subscribers_of, spawn, spin_until):
@@ -104,7 +104,7 @@ def test_the_idle_policy_says_what_a_standing_robot_hears(ros_domain, spawn, idl
     given = [Parameter('idle', value=idle)]
     node = spawn(KeysToTwistNode(KeysToTwist(load_preset('mbot')), parameter_overrides=given))
     sent = []
-    node.receivers.append(sent.append)
+    node.output.receivers.append(sent.append)
 
     def wait(seconds):
         sent.clear()
@@ -128,7 +128,7 @@ def test_stamps_and_ramps_are_simulated_time_and_a_pause_brings_no_burst(
     simulator = rclpy.create_node('simulator', context=context)
     clock = simulator.create_publisher(Clock, 'clock', 10)
     sent = []
-    teleop.receivers.append(sent.append)
+    teleop.output.receivers.append(sent.append)
     now = Clock()
 
     def tick_to(nanoseconds):
@@ -169,7 +169,7 @@ def test_at_half_speed_the_ramp_follows_simulated_time(teleop_of, context, spawn
     simulator = rclpy.create_node('simulator', context=context)
     clock = simulator.create_publisher(Clock, 'clock', 10)
     sent = []
-    teleop.receivers.append(sent.append)
+    teleop.output.receivers.append(sent.append)
     started = time.monotonic()
 
     def tick():

@@ -11,8 +11,8 @@ import threading
 import time
 
 import pytest
-from teleop_keyboard.key_reader import KeyReader, Pipe
-from teleop_keyboard.terminal import Terminal
+from teleop_keyboard.key_reader import KeyReader
+from teleop_keyboard.terminal import Source, Terminal
 from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 # A program that holds a raw terminal until something happens to it.
 HOLDER = """
 import os, sys, time
-from teleop_keyboard.terminal import Terminal
+from teleop_keyboard.terminal import Source, Terminal
 with Terminal(0) as terminal:
     # A signal may come while the word before is still being written: `print` is not reentrant.
     terminal.before_suspend.append(lambda: os.write(1, b'suspended\\n'))
@@ -196,7 +196,7 @@ def test_a_sequence_in_two_reads_is_one_key(terminal_pair):
 
 def test_a_pipe_is_read_to_its_end_and_then_closed():
     read_end, write_end = os.pipe()
-    with KeyReader(None, Pipe(read_end)) as reader:
+    with KeyReader(None, Source(read_end)) as reader:
         os.write(write_end, b'ij\x1b')
         os.close(write_end)
         keys = []
@@ -210,7 +210,7 @@ def test_an_empty_pipe_leaves_the_terminal_in_charge(terminal_pair):
     master, slave = terminal_pair
     read_end, write_end = os.pipe()
     os.close(write_end)
-    with KeyReader(Terminal(slave), Pipe(read_end)) as reader:
+    with KeyReader(Terminal(slave), Source(read_end)) as reader:
         assert reader.poll(0.0) == []
         assert not reader.closed
         os.write(master, b'i')

@@ -66,11 +66,11 @@ def test_it_keeps_its_type_where_the_process_holds_it_and_warns_once(
     there.create_subscription(TwistStamped, 'cmd_vel', print, 10)
     spin_until(spawn.pump, lambda: warnings)
     for _ in range(10):
-        teleop._output.look()
+        teleop.output.look()
     (warning,) = warnings
     assert warning.startswith('/cmd_vel: there has TwistStamped, this sends Twist')
     sent = []
-    teleop.receivers.append(sent.append)
+    teleop.output.receivers.append(sent.append)
     teleop.keys.hear(String(data='i'))
     assert type(sent[0]) is Twist
 

@@ -14,8 +14,9 @@ import pytest
 from rclpy.node import Node
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
-from teleop_keyboard.key_reader import KeyReader, Pipe
+from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyPress
+from teleop_keyboard.terminal import Source
 from terminals import PATIENCE
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.drivers import SILENCE
@@ -317,7 +318,7 @@ def test_the_robot_stops_when_the_pipe_of_its_keys_ends_where_others_may_still_d
     options = RunOptions(
         robot='mbot', description='mbot', preset='ramps', speed=0.0, gamepad='', duration=3.0
     )
-    with KeyReader(None, Pipe(reading)) as reader:
+    with KeyReader(None, Source(reading)) as reader:
         run = Run(options, reader)
         controller = run.robot.drive_unit.controller
         os.write(writing, b'w')
