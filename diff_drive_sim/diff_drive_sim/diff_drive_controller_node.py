@@ -19,8 +19,10 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import did_you_mean
 from wasd_core.messages import (
+    joint_state,
     to_base_state,
     to_base_transform,
+    to_diagnostics,
     to_joint_commands,
     to_odometry,
     to_seconds,
@@ -47,7 +49,7 @@ from diff_drive_sim.controller_file import (
     UNUSED,
 )
 from diff_drive_sim.drive import Controller, DiffDrive
-from diff_drive_sim.messages import from_pose, to_diagnostics, to_twist_stamped, to_wheel_states
+from diff_drive_sim.messages import from_pose, to_twist_stamped
 from diff_drive_sim.odometry import DiffDriveError
 from diff_drive_sim.parameters import diff_drive_controller, DiffDriveParameters
 
@@ -198,7 +200,7 @@ class DiffDriveControllerNode(Node):
                 [*self.unit.flip(values)] * repeat
                 for values in (self.unit.angles, self.unit.wheel_velocities)
             )
-            self._wheel_states.publish(to_wheel_states(self._names, positions, velocities, stamp))
+            self._wheel_states.publish(joint_state(self._names, stamp, positions, velocities))
 
     def odometry(self, stamp: Any = None) -> Odometry:
         """Return odom as `publish` would publish it."""
@@ -208,12 +210,11 @@ class DiffDriveControllerNode(Node):
     def publish_diagnostics(self) -> None:
         """Publish the state, and what arbotix says of a controller."""
         stamp = self.get_clock().now().to_msg()
-        unit, controller = self.unit, self.controller
-        self._diagnostics.publish(
-            to_diagnostics(
-                self._label, controller.state, unit.ticks, controller.odometry_state, stamp
-            )
-        )
+        (left, right), odometry = self.unit.ticks, self.controller.odometry_state
+        values = {'Left': left, 'Right': right, 'dX': odometry.linear, 'dR': odometry.angular}
+        texts = {name: str(value) for name, value in values.items()}
+        state = self.controller.state
+        self._diagnostics.publish(to_diagnostics(self._label, state, texts, stamp))
 
     def close(self) -> None:
         """Leave the wheels stopped (the simulator's own watchdog brakes them, too)."""

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Velocities, wheel states and diagnostics as messages, and a pose from one."""
+"""Velocities as messages, and a pose from one."""
 
-from collections.abc import Sequence
 import math
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
-from sensor_msgs.msg import JointState
 
 from diff_drive_sim.limits import Velocity
-from diff_drive_sim.odometry import DiffDriveError, OdometryState, PlanarCovariance
+from diff_drive_sim.odometry import DiffDriveError, PlanarCovariance
 
 
 def from_pose(
@@ -41,30 +38,4 @@ def to_twist_stamped(velocity: Velocity, stamp: Time, frame: str) -> TwistStampe
     message.header.stamp = stamp
     message.header.frame_id = frame
     message.twist.linear.x, message.twist.angular.z = velocity
-    return message
-
-
-def to_wheel_states(
-    names: Sequence[str], positions: Sequence[float], velocities: Sequence[float], stamp: Time
-) -> JointState:
-    """Return sensor_msgs/JointState of wheels at positions [rad] and velocities [rad/s]."""
-    message = JointState(name=list(names), position=list(positions), velocity=list(velocities))
-    message.header.stamp = stamp
-    return message
-
-
-def to_diagnostics(
-    name: str, state: str, ticks: tuple[int, int], odometry: OdometryState, stamp: Time
-) -> DiagnosticArray:
-    """Return what arbotix says of a controller: Left and Right ticks, dX [m/s], dR [rad/s]."""
-    values = {
-        'Left': str(ticks[0]),
-        'Right': str(ticks[1]),
-        'dX': str(odometry.linear),
-        'dR': str(odometry.angular),
-    }
-    status = DiagnosticStatus(name=name, level=DiagnosticStatus.OK, message=state)
-    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-    message = DiagnosticArray(status=[status])
-    message.header.stamp = stamp
     return message

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
 
-from collections.abc import Sequence
 import math
 import sys
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -17,7 +15,14 @@ from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import InvalidMessage, SimulationError
-from wasd_core.messages import from_joint_commands, to_imu, to_joint_state, to_seconds, to_stamp
+from wasd_core.messages import (
+    from_joint_commands,
+    joint_state,
+    to_diagnostics,
+    to_imu,
+    to_seconds,
+    to_stamp,
+)
 from wasd_core.node import MessagePump, run_node
 from wasd_core.parameters import Parameters
 from wasd_core.robot_io import LEG_RATE
@@ -157,7 +162,7 @@ class SimulatorNode(Node):
         values['rejected_commands'] = str(self._world.actuation.rejected_commands)
         text = 'slower than asked for' if slow else state
         stamp, name = self.stamp, self.get_fully_qualified_name().strip('/')
-        self._diagnostics.publish(to_diagnostics(name, text, values, slow, stamp))
+        self._diagnostics.publish(to_diagnostics(name, text, values, stamp, slow))
 
     @property
     def stamp(self) -> Time:
@@ -212,10 +217,10 @@ class SimulatorNode(Node):
             self._imu.publish(to_imu(reading.imu, self._root, stamp))
         if self._feet and has_listener(self._contacts):
             forces = self._world.contact_forces(self._feet)
-            self._contacts.publish(to_foot_contacts(self._feet, forces, stamp))
+            self._contacts.publish(joint_state(self._feet, stamp, effort=forces))
         if has_listener(self._joint_states):
             names = self._world.joint_names
-            self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
+            self._joint_states.publish(joint_state(names, stamp, *reading.joints))
         self.truth.publish()
 
     def _on_command(self, message: JointTrajectory) -> None:
@@ -303,28 +308,6 @@ class SimulatorNode(Node):
         self.sensors.tune(changed)
         self.simulation.pacer.speed = changed.speed
         self.simulation.pacer.restart()
-
-
-def to_foot_contacts(names: Sequence[str], forces: np.ndarray, stamp: Time) -> JointState:
-    """Return the normal force on each foot [N]: link names, and the forces as efforts."""
-    message = JointState()
-    message.header.stamp = stamp
-    message.name = list(names)
-    message.effort = forces.tolist()
-    return message
-
-
-def to_diagnostics(
-    name: str, text: str, values: dict[str, str], warn: bool, stamp: Time
-) -> DiagnosticArray:
-    """Return one diagnostic status with its values."""
-    message = DiagnosticArray()
-    message.header.stamp = stamp
-    status = DiagnosticStatus(name=name, message=text)
-    status.level = DiagnosticStatus.WARN if warn else DiagnosticStatus.OK
-    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-    message.status = [status]
-    return message
 
 
 def simulate(node: SimulatorNode, stop: StopSignals) -> None:

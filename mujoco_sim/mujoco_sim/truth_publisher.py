@@ -2,21 +2,22 @@
 """Publishes the truth: the robot's pose, the error of its odometry, its slip."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
+import numpy as np
 from rclpy.node import Node
 from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
-from wasd_core.messages import to_seconds, to_stamp
-from wasd_core.robot_io import BaseState
+from wasd_core.messages import joint_state, to_odometry, to_seconds, to_stamp
+from wasd_core.robot_io import BaseOdometry, BaseState
 from wasd_core.rotations import rotate_inverse
 from wasd_core.topics import has_listener, has_subscriber, RELIABLE, SENSOR_DATA
 
-from mujoco_sim.sensors import Snapshot
-from mujoco_sim.sensors.wheel_slip import Slip, WheelSlip
+from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors.wheel_slip import WheelSlip
 from mujoco_sim.world import World
 
 # The frame of what the simulator knows: fixed, without drift, and in no tree of /tf but that of
@@ -54,7 +55,8 @@ class TruthPublisher:
             base = self._world.base()
             self._truth.publish(to_ground_truth(base, WORLD_FRAME, self._root, stamp))
         if self._slip.joints and has_listener(self._slips):
-            self._slips.publish(to_wheel_slip(self._slip.joints, self._slip.measure(), stamp))
+            ratios, speeds = zip(*self._slip.measure(), strict=True)
+            self._slips.publish(joint_state(self._slip.joints, stamp, ratios, speeds))
 
     def compare(self, odometry: Callable[[], Odometry | None]) -> None:
         """Publish the error of the odometry of now, which is asked for only if needed."""
@@ -103,17 +105,12 @@ def _key(stamp: Time) -> tuple[int, int]:
 
 def to_ground_truth(base: BaseState, frame: str, child_frame: str, stamp: Time) -> Odometry:
     """Return the true pose in `frame`, that of odometry, and the twist in the base frame."""
-    message = Odometry()
-    message.header.stamp = stamp
-    message.header.frame_id = frame
-    message.child_frame_id = child_frame
-    position, orientation = message.pose.pose.position, message.pose.pose.orientation
-    position.x, position.y, position.z = base.position.tolist()
-    orientation.w, orientation.x, orientation.y, orientation.z = base.orientation.tolist()
-    linear, angular = message.twist.twist.linear, message.twist.twist.angular
-    linear.x, linear.y, linear.z = rotate_inverse(base.orientation, base.linear_velocity).tolist()
-    angular.x, angular.y, angular.z = base.angular_velocity.tolist()
-    return message
+    velocity = rotate_inverse(base.orientation, base.linear_velocity)
+    exact = np.zeros((6, 6))
+    truth = BaseOdometry(
+        base.position, base.orientation, velocity, base.angular_velocity, exact, exact
+    )
+    return to_odometry(truth, frame, child_frame, stamp)
 
 
 def to_odometry_error(truth: Odometry, odometry: Odometry) -> Odometry:
@@ -143,13 +140,3 @@ def to_odometry_error(truth: Odometry, odometry: Odometry) -> Odometry:
 def _subtract(minuend: Any, subtrahend: Any, difference: Any) -> None:
     for axis in ('x', 'y', 'z'):
         setattr(difference, axis, getattr(minuend, axis) - getattr(subtrahend, axis))
-
-
-def to_wheel_slip(names: Sequence[str], slips: Sequence[Slip], stamp: Time) -> JointState:
-    """Return the slip of wheels: joint names, ratios as positions, speeds [m/s] as velocities."""
-    message = JointState()
-    message.header.stamp = stamp
-    message.name = list(names)
-    message.position = [slip.ratio for slip in slips]
-    message.velocity = [slip.speed for slip in slips]
-    return message

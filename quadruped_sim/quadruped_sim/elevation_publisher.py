@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the heights around a robot, and takes clouds from a topic, while somebody listens."""
 
-import array
 from collections.abc import Callable
 
 from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.node import Node
 from robot_description.robot import Robot
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from wasd_core.messages import to_seconds
+from wasd_core.messages import CLOUD_TYPES, to_cloud, to_seconds
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import Pose, yaw_of
 from wasd_core.topics import has_subscriber, RELIABLE, SENSOR_DATA
@@ -20,7 +19,7 @@ from quadruped_sim.elevation_mapper import ElevationMapper
 from quadruped_sim.height_scan import COLUMNS, height_scan, ROWS, scan_places
 
 # What PointField's types of a cloud's fields are called by numpy.
-_FORMATS = {PointField.FLOAT32: '<f4', PointField.UINT16: '<u2', PointField.FLOAT64: '<f8'}
+_FORMATS = {number: name for name, number in CLOUD_TYPES.items()}
 
 
 class ElevationPublisher:
@@ -142,19 +141,7 @@ def to_points(message: PointCloud2) -> np.ndarray | None:
 
 def _to_cloud(layers: dict[str, np.ndarray], header: Header) -> PointCloud2:
     """Return layers of one shape (rows, columns) as the fields of a cloud."""
-    points = np.stack(list(layers.values()), axis=-1).astype('<f4')
-    rows, columns, count = points.shape
-    return PointCloud2(
-        header=header,
-        height=rows,
-        width=columns,
-        fields=[
-            PointField(name=name, offset=4 * at, datatype=PointField.FLOAT32, count=1)
-            for at, name in enumerate(layers)
-        ],
-        is_bigendian=False,
-        point_step=4 * count,
-        row_step=4 * count * columns,
-        data=array.array('B', points.tobytes()),
-        is_dense=False,
-    )
+    points = np.empty(layers['x'].shape, [(name, '<f4') for name in layers])
+    for name, values in layers.items():
+        points[name] = values
+    return to_cloud(points, header, is_dense=False)

@@ -3,7 +3,6 @@
 
 import array
 
-from mujoco_sim.sensors.publisher import to_cloud_fields
 import numpy as np
 import pytest
 from quadruped_sim.elevation_publisher import CloudInput, ElevationPublisher, to_points
@@ -14,7 +13,7 @@ from std_msgs.msg import Header
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import RunOptions
-from wasd_core.messages import to_stamp
+from wasd_core.messages import to_cloud, to_stamp
 from wasd_core.node import MessagePump
 from wasd_core.robot_io import BaseOdometry
 
@@ -96,7 +95,7 @@ def cloud(frame='base'):
     points = np.zeros(1, POINT)
     points['x'], points['z'] = 0.5, -0.3
     header = Header(stamp=to_stamp(1.0), frame_id=frame)
-    return PointCloud2(header=header, **to_cloud_fields(points))
+    return to_cloud(points[None], header)
 
 
 def test_a_node_of_its_own_takes_points_only_while_somebody_wants_heights(spawn, spin_until):

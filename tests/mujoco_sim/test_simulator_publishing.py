@@ -15,10 +15,9 @@ from mujoco_sim import simulator_node, truth_publisher
 pytestmark = pytest.mark.slow
 
 PARTS = (
-    (simulator_node, 'to_joint_state'),
+    (simulator_node, 'joint_state'),
     (truth_publisher, 'to_ground_truth'),
     (simulator_node, 'to_imu'),
-    (simulator_node, 'to_foot_contacts'),
 )
 
 

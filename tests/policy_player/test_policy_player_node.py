@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from topic_rig import Rig
 from wasd_core.errors import UserError
-from wasd_core.messages import to_imu, to_joint_state, to_stamp
+from wasd_core.messages import joint_state, to_imu, to_stamp
 from wasd_core.paired import Paired
 from wasd_core.robot_io import ImuReading, JointStates
 
@@ -85,7 +85,7 @@ def test_a_network_refuses_readings_slower_than_its_period_in_a_line(ros, networ
             if topic == 'joint_states' or index % slow == 0:
                 node._on_imu(to_imu(imu, 'base', stamp))
             if topic == 'imu/data' or index % slow == 0:
-                node._on_joints(to_joint_state(JOINTS, joints, stamp))
+                node._on_joints(joint_state(JOINTS, stamp, *joints))
 
     feed(0.0, 2.0, 1)
     assert node.controller.press('2') == ''

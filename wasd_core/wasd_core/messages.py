@@ -1,19 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times, poses and the records of robot_io as messages, and back."""
+"""Times, poses, the records of robot_io, points and diagnostics as messages, and back."""
 
-from collections.abc import Sequence
+import array
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 import numpy as np
-from sensor_msgs.msg import Imu, JointState
+from numpy.typing import ArrayLike
+from sensor_msgs.msg import Imu, JointState, PointCloud2, PointField
+from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from wasd_core.errors import InvalidMessage
 from wasd_core.robot_io import BaseOdometry, BaseState, ImuReading, JointCommand, JointStates
 from wasd_core.rotations import Pose, rotate_inverse, to_quaternion
+
+# What PointCloud2 calls numpy's types.
+CLOUD_TYPES = {
+    '<f4': PointField.FLOAT32,
+    '<u2': PointField.UINT16,
+    '<f8': PointField.FLOAT64,
+}
 
 
 def to_seconds(stamp: Time) -> float:
@@ -39,15 +50,53 @@ def to_stamp(simulated: float) -> Time:
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
-def to_joint_state(names: Sequence[str], joints: JointStates, stamp: Time) -> JointState:
-    """Return sensor_msgs/JointState with position, velocity and effort."""
-    message = JointState()
+def joint_state(
+    names: Sequence[str],
+    stamp: Time,
+    position: ArrayLike = (),
+    velocity: ArrayLike = (),
+    effort: ArrayLike = (),
+) -> JointState:
+    """Return sensor_msgs/JointState."""
+    message = JointState(name=list(names))
     message.header.stamp = stamp
-    message.name = list(names)
-    message.position = joints.position.tolist()
-    message.velocity = joints.velocity.tolist()
-    message.effort = joints.effort.tolist()
+    message.position = np.asarray(position).tolist()
+    message.velocity = np.asarray(velocity).tolist()
+    message.effort = np.asarray(effort).tolist()
     return message
+
+
+def to_diagnostics(
+    name: str, text: str, values: Mapping[str, str], stamp: Time, is_warning: bool = False
+) -> DiagnosticArray:
+    """Return one diagnostic status with its values."""
+    status = DiagnosticStatus(name=name, message=text)
+    status.level = DiagnosticStatus.WARN if is_warning else DiagnosticStatus.OK
+    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    message = DiagnosticArray(status=[status])
+    message.header.stamp = stamp
+    return message
+
+
+def to_cloud(points: np.ndarray, header: Header, is_dense: bool = True) -> PointCloud2:
+    """Return an array (rows, columns) of points, whose fields are of a type in CLOUD_TYPES."""
+    described = points.dtype.fields
+    assert described is not None
+    rows, columns = points.shape
+    return PointCloud2(
+        header=header,
+        height=rows,
+        width=columns,
+        fields=[
+            PointField(name=name, offset=offset, datatype=CLOUD_TYPES[kind.str], count=1)
+            for name, (kind, offset, *_) in described.items()
+        ],
+        is_bigendian=False,
+        point_step=points.dtype.itemsize,
+        row_step=points.dtype.itemsize * columns,
+        data=array.array('B', points.tobytes()),
+        is_dense=is_dense,
+    )
 
 
 def to_imu(reading: ImuReading, frame: str, stamp: Time) -> Imu:
@@ -127,12 +176,9 @@ def _set_wxyz(target: Any, values: np.ndarray) -> None:
 
 def to_base_state(message: Odometry) -> BaseState:
     """Return the base state of `ground_truth/odom`: its twist is in the base frame."""
-    p, q = message.pose.pose.position, message.pose.pose.orientation
-    v, w = message.twist.twist.linear, message.twist.twist.angular
-    orientation = np.array((q.w, q.x, q.y, q.z))
+    position, orientation, velocity, rate, *_ = from_odometry(message)
     conjugate = orientation * (1.0, -1.0, -1.0, -1.0)
-    velocity = rotate_inverse(conjugate, np.array((v.x, v.y, v.z)))
-    return BaseState(np.array((p.x, p.y, p.z)), orientation, velocity, np.array((w.x, w.y, w.z)))
+    return BaseState(position, orientation, rotate_inverse(conjugate, velocity), rate)
 
 
 def to_joint_commands(names: Sequence[str], command: JointCommand, stamp: Time) -> JointTrajectory:

@@ -7,9 +7,9 @@ import io
 import numpy as np
 from rclpy.node import Node
 import sensor_msgs.msg
-from sensor_msgs.msg import CompressedImage, PointField
+from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
-from wasd_core.messages import to_stamp
+from wasd_core.messages import to_cloud, to_stamp
 from wasd_core.streams import visible
 from wasd_core.topics import has_listener, has_subscriber, RELIABLE
 
@@ -44,8 +44,9 @@ def _publish_topic(node: Node, topic: SensorTopic) -> None:
     def publish(now: float, fields: Fields) -> None:
         header = Header(stamp=to_stamp(now), frame_id=frame)
         if topic_kind == 'PointCloud2':
-            fields = to_cloud_fields(fields['points'])
-        publisher.publish(message_type(header=header, **fields))
+            publisher.publish(to_cloud(fields['points'][None], header))
+        else:
+            publisher.publish(message_type(header=header, **fields))
 
     topic.listen(publish, is_wanted)
     if topic.name.endswith(COLOURS) and not topic.name.endswith(DEPTHS):
@@ -73,26 +74,3 @@ def _publish_compressed(node: Node, topic: SensorTopic) -> None:
         publisher.publish(message)
 
     topic.listen(publish, lambda: has_subscriber(node, publisher))
-
-
-# What PointCloud2 calls numpy's types.
-_DATATYPES = {'f4': PointField.FLOAT32, 'u2': PointField.UINT16}
-
-
-def to_cloud_fields(points: np.ndarray) -> Fields:
-    """Return the fields of a PointCloud2 of an array of points, one row of them."""
-    described = points.dtype.fields
-    assert described is not None
-    return {
-        'height': 1,
-        'width': len(points),
-        'fields': [
-            PointField(name=name, offset=offset, datatype=_DATATYPES[kind.str[1:]], count=1)
-            for name, (kind, offset, *_) in described.items()
-        ],
-        'is_bigendian': False,
-        'point_step': points.dtype.itemsize,
-        'row_step': points.dtype.itemsize * len(points),
-        'data': array.array('B', points.tobytes()),
-        'is_dense': True,
-    }
