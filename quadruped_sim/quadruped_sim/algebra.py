@@ -41,13 +41,13 @@ def flatten(record: Any) -> np.ndarray:
     and more. There, `base = robot[0].base` has the fields of the NamedTuple that was flattened.
     """
     layout = _layout(record)
-    flat = np.zeros(1, _LAYOUTS.setdefault(layout, layout))
-    _fill(flat, record)
-    return flat
+    return np.array([_values(record)], _LAYOUTS.setdefault(layout, layout))
 
 
 def _parts(record: Any) -> Any:
-    return record.items() if isinstance(record, Mapping) else record._asdict().items()
+    parts = record if isinstance(record, Mapping) else record._asdict()
+    # A block has no text.
+    return [(name, part) for name, part in parts.items() if not isinstance(part, str)]
 
 
 def _is_record(value: Any) -> bool:
@@ -62,12 +62,8 @@ def _layout(value: Any) -> np.dtype[Any]:
     return np.dtype((np.uint8 if array.dtype == bool else float, array.shape))
 
 
-def _fill(flat: np.ndarray, record: Any) -> None:
-    for name, part in _parts(record):
-        if _is_record(part):
-            _fill(flat[name], part)
-        else:
-            flat[name][...] = part
+def _values(value: Any) -> Any:
+    return tuple(_values(part) for _, part in _parts(value)) if _is_record(value) else value
 
 
 def view_of(flat: np.ndarray, record: Any) -> Any:

@@ -8,13 +8,13 @@ import numpy as np
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, BaseState, ImuReading, JointCommand, Reading
 
-from quadruped_sim.algebra import flatten, plain
+from quadruped_sim.algebra import plain
 from quadruped_sim.command_filter import CommandFilter, velocity_limits
 from quadruped_sim.elevation import Elevation
-from quadruped_sim.estimation import ContactDetector
 from quadruped_sim.estimation.heading import Heading
 from quadruped_sim.estimation.kalman import Footing, KalmanEstimator
-from quadruped_sim.estimation.load import feel_ground, LoadObserver, TouchRules
+from quadruped_sim.estimation.load import feel_ground, LoadObserver
+from quadruped_sim.estimation.touch import ContactDetector
 from quadruped_sim.keys import (
     EYES_KEY,
     FOLLOWING,
@@ -28,16 +28,25 @@ from quadruped_sim.keys import (
     SUCCESSORS,
     TRANSITIONS,
 )
-from quadruped_sim.locomotion import Locomotion
+from quadruped_sim.locomotion.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters, scale_parameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import make_odometry, read_legs, RobotState, turn_base
 from quadruped_sim.safety import FallWatch, Safety
-from quadruped_sim.states import ControllerParts, make_states
-from quadruped_sim.states.driving import damping_command, Passive
-from quadruped_sim.states.jump import highest
-from quadruped_sim.states.lying import obstacle
+from quadruped_sim.states.driving import (
+    ControllerParts,
+    damping_command,
+    FixedStand,
+    FreeStand,
+    MoveBase,
+    Passive,
+    State,
+    Trotting,
+)
+from quadruped_sim.states.exercises import BalanceTest, StepTest, SwingTest
+from quadruped_sim.states.jump import highest, Jump
+from quadruped_sim.states.lying import GetUp, LieDown, obstacle
 from quadruped_sim.states.policy import Policy, Walker
 
 _UP = np.array((0.0, 0.0, 1.0))
@@ -98,9 +107,8 @@ class LegController:
         self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
         self.safety = Safety(self._params.safety, self.model.limits)
         self._falls = FallWatch(scale.of('s'))
-        self._detector = ContactDetector(self._params.contact)
-        inertia, _ = self.model.inertia_about_com(self.model.walking_pose)
-        self._load = LoadObserver(inertia, scale.of('m'))
+        self._detector = ContactDetector()
+        self._load = LoadObserver()
         self._kalman = KalmanEstimator(
             self._params.kalman, self.model.geometry.foot_radius, self.model.imu_offset
         )
@@ -109,7 +117,19 @@ class LegController:
             self.model, self._params, self.locomotion, self.command_filter, self.sticks
         )
         self._passive = Passive(self._parts)
-        self._states = make_states(self._parts, self._passive)
+        self._states: dict[StateName, State] = {
+            StateName.PASSIVE: self._passive,
+            StateName.FIXED_STAND: FixedStand(self._parts),
+            StateName.FREE_STAND: FreeStand(self._parts),
+            StateName.TROTTING: Trotting(self._parts),
+            StateName.MOVE_BASE: MoveBase(self._parts),
+            StateName.BALANCE_TEST: BalanceTest(self._parts),
+            StateName.SWING_TEST: SwingTest(self._parts),
+            StateName.STEP_TEST: StepTest(self._parts),
+            StateName.GET_UP: GetUp(self._parts),
+            StateName.LIE_DOWN: LieDown(self._parts),
+            StateName.JUMP: Jump(self._parts),
+        }
         self.has_policy = walker is not None
         if walker is not None:
             self._policy = self._states[StateName.POLICY] = Policy(self._parts, walker)
@@ -118,7 +138,6 @@ class LegController:
         self._robot_bytes = self._robot.flat.view(np.uint8)
         self._last_sound = self._robot_bytes.copy()
         self._measured = np.empty((3, 3))  # from base axes to the world's, as the IMU says
-        self._touch_rules = self._rules_of_touch()
         self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
         self._eyes, self._terrain = False, None  # type: tuple[bool, Elevation | None]
         self.reset()
@@ -131,8 +150,6 @@ class LegController:
         self.locomotion.tune(_in_gait(own, self._left))
         self._change_gait()
         self.safety.params = own.safety
-        self._detector.params = own.contact
-        self._touch_rules = self._rules_of_touch()
         self._kalman.tune(own.kalman)
         self._heading.params = own.kalman
 
@@ -461,13 +478,8 @@ class LegController:
             self._load.reset()
         stages, seen, tick = (self._detector.flat, self._load.flat), (efforts, normal), (dt, is_up)
         return feel_ground(
-            self._robot.flat, self.model.rigid, stages, seen, self._touch_rules, tick
+            self._robot.flat, self.model.rigid, stages, seen, self.locomotion.rules, tick
         )
-
-    def _rules_of_touch(self) -> np.ndarray:
-        """Return flat `TouchRules`."""
-        load = self._load.rule(self._params.contact.load_time)
-        return flatten(TouchRules(self._detector.rule, load, self.model.geometry.foot_radius))
 
     def _filter(self, imu: ImuReading, normal: np.ndarray, is_walking: bool, dt: float) -> None:
         """Base by the Kalman filter; orientation by the IMU, less the drift known."""

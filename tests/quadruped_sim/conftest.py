@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import ContactPoints, find_contact_points, LegMotion
+from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.rules import flat_rules
 from robot_description.description import Description, parse_description
 from wasd_core.robot_io import BaseState, ImuReading, JointStates, JointTargets, Reading, Senses
 import xacro
@@ -28,6 +30,12 @@ def go2(urdf: str) -> Description:
 @pytest.fixture(scope='session')
 def model(go2: Description) -> RobotModel:
     return RobotModel(go2)
+
+
+@pytest.fixture(scope='session')
+def rules(model: RobotModel) -> np.ndarray:
+    """What the stages of a tick go by."""
+    return flat_rules(LegControllerParameters(), model)
 
 
 class StandingWalker:

@@ -5,17 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation.ground import Ground
 from quadruped_sim.estimation.kalman import _anchor, Footing, KalmanEstimator
 from quadruped_sim.leg_kinematics import foot_positions, leg_motion
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.tuning import EstimatorParameters, GroundParameters
+from quadruped_sim.tuning import EstimatorParameters
 from wasd_core.robot_io import ImuReading
 from wasd_core.rotations import yaw_matrix
 
 DT = 0.002
 UP = np.array((0.0, 0.0, 1.0))
-PLANE = Ground(GroundParameters()).flat
+PLANE = Ground().flat
 ANGLES = np.tile((0.0, 0.8, -1.6), 4)
 
 
@@ -144,7 +144,7 @@ def walked(
     `heights` are those over the start of the robot at first, and of the ground that it takes to be
     under it [m]; `aside` is how far its feet are from it [m].
     """
-    estimator, ground = make(model, **parameters), Ground(GroundParameters())
+    estimator, ground = make(model, **parameters), Ground()
     height, plane = heights
     estimator.reset(
         estimator.position + (aside, 0.0, height), feet_of(estimator) + (0.0, 0.0, height)
@@ -224,7 +224,7 @@ def test_who_lands_far_off_the_level_is_on_other_ground_after_half_a_second(mode
 
 def test_the_level_after_a_throw_is_that_of_before(model):
     """The slope between feet that come down anyhow is none; it counts again a second later."""
-    estimator, ground = walked(model, (1.0, 1.0)), Ground(GroundParameters())
+    estimator, ground = walked(model, (1.0, 1.0)), Ground()
     ground.reset(feet_of(estimator))
     ground._plane.gradient[0], estimator._estimate.x[1, 0] = 0.1, 2.0
     ground._plane.points[:, 2] += 0.1 * ground._plane.points[:, 0]
@@ -284,7 +284,7 @@ def test_over_steps_that_are_seen_feet_carry_the_level(model, calm):
     middle = feet_of(estimator)[:, 0].mean() - estimator.position[0]
     assert estimator.level == pytest.approx(1.15 - 0.4 * middle)
     estimator._estimate.calm[0] = calm
-    smooth = Ground(GroundParameters())
+    smooth = Ground()
     smooth.reset(feet_of(estimator) * (1.0, 1.0, 0.0) + (0.0, 0.0, estimator.level))
     anchor(estimator, Footing(np.ones(4), UP, smooth.flat, True, False, 0.0), 1000)
     feet = feet_of(estimator)[:, 2].mean() - model.geometry.foot_radius

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from quadruped_sim.algebra import flatten, view_of
-from quadruped_sim.estimation import Plane
+from quadruped_sim.estimation.ground import Plane
 
 
 def test_what_compiled_stages_write_is_seen_in_the_record(robot_state):

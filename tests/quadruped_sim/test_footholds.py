@@ -3,23 +3,21 @@ from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.algebra import flatten, plain
-from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation.ground import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.locomotion.swing import find_landing, keep_apart, SwingLegs
-from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.locomotion.swing import find_landing, keep_apart
 from quadruped_sim.robot_state import BaseMotion
-from quadruped_sim.tuning import FootholdParameters, GroundParameters, ReferenceParameters
+from quadruped_sim.tuning import FootholdParameters, ReferenceParameters
 from wasd_core.rotations import yaw_matrix
 
 STANCE = 0.2
 
 
 @pytest.fixture
-def land(model):
+def land(rules):
     """Footholds of a Go2 on level ground at z 0; keywords replace standing still at the origin."""
-    legs, ground = SwingLegs(model, LegControllerParameters()), Ground(GroundParameters())
-    rule = legs.rule
+    ground = Ground()
     schedule = GaitState(np.zeros(4, dtype=bool), np.ones(4), STANCE, 0.2, pace=0.0)
 
     def land(velocity=(0, 0, 0), command=None, yaw=0.0, yaw_rate=0.0, firmness=0.0):
@@ -31,10 +29,10 @@ def land(model):
         feet = np.zeros((4, 3))
         robot = flatten({'base': base, 'feet': feet})
         asked = (plain(schedule), plain(reference), firmness)
-        find_landing(rule, robot, ground.flat, asked, feet)
+        find_landing(rules, robot, ground.flat, asked, feet)
         return feet
 
-    land.nominal = legs.nominal
+    land.nominal = rules['nominal'][0]
     return land
 
 

@@ -8,7 +8,7 @@ import leg_stages
 import numpy as np
 import pytest
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.locomotion import Locomotion
+from quadruped_sim.locomotion.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.tuning import GaitParameters
 from wasd_core.robot_io import JointStates
@@ -34,7 +34,6 @@ def test_one_call_does_what_the_stages_do_one_by_one(model, standing, rng):
         for stage in ('ground', 'reference', 'grip', 'step_height'):
             getattr(alone, stage).flat[:] = getattr(legs, stage).flat
         wanted, targets = legs._step_feet(controller.robot, COMMAND, DT)
-        alone.swing_legs.lift_off[:] = legs.swing_legs.lift_off
         expected = by_stages(alone, legs, controller.robot)
         for got, by_stage in zip((*wanted, *targets), expected, strict=True):
             np.testing.assert_array_equal(got, by_stage)
@@ -45,15 +44,17 @@ def test_one_call_does_what_the_stages_do_one_by_one(model, standing, rng):
 
 def by_stages(alone, legs, robot):
     """Return the reference and the targets by stages that are asked one by one."""
-    feet, schedule, ground = legs._feet, legs.schedule, alone.ground
-    leg_stages.stand(ground, feet.points, feet.is_loaded, DT)
-    rise = leg_stages.height(alone.step_height, robot, schedule, feet.points, ground, DT)
-    leg_stages.grip(alone.grip, robot, feet.is_loaded, ground.frame(), DT)
-    pose = legs._height, leg_stages.nose(alone.step_height, DT)
-    wanted = leg_stages.follow(alone.reference, robot, COMMAND, ground, pose, DT)
+    feet, schedule, ground, by = legs._feet, legs.schedule, alone.ground, (alone.rules, DT)
+    leg_stages.stand(ground, feet.points, feet.is_loaded, *by)
+    place = ground, feet.points
+    rise, nose = leg_stages.height(alone.step_height, robot, schedule, place, *by)
+    leg_stages.grip(alone.grip, robot, feet.is_loaded, ground.frame(), *by)
+    pose = legs._height, nose
+    wanted = leg_stages.follow(alone.reference, robot, COMMAND, ground, pose, *by)
     tread = rise, max(schedule.pace, alone.step_height.roughness)
     schedule = schedule._replace(is_stance=legs.is_stance)
-    swing = leg_stages.swing(alone.swing_legs, robot, schedule, wanted, ground, tread, feet.sought)
+    by = alone.rules, feet.sought
+    swing = leg_stages.swing(feet.lift_off, robot, schedule, wanted, ground, tread, *by)
     return *wanted, *swing
 
 
@@ -80,7 +81,7 @@ def test_a_foot_that_finds_no_ground_bears_nothing_and_goes_on_down(model, stand
         seeks = schedule.is_stance & (waited > 0.0)
         np.testing.assert_array_equal(feet.sought > 0.0, seeks)
         np.testing.assert_array_equal(feet.is_stance, schedule.is_stance & ~seeks)
-        depth = legs.swing_legs.lift_off - targets.position
+        depth = legs._feet.lift_off - targets.position
         np.testing.assert_allclose(depth[seeks, 2], np.minimum(1.5 * waited[seeks], 0.12))
         np.testing.assert_allclose(depth[seeks, :2], 0.0, atol=1e-12)
         sinking += seeks.sum()

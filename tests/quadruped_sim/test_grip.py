@@ -4,8 +4,10 @@ from dataclasses import replace
 import leg_stages
 import numpy as np
 import pytest
-from quadruped_sim.estimation import Grip
-from quadruped_sim.tuning import GripParameters
+from quadruped_sim.estimation.grip import Grip
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.rules import flat_rules
+from quadruped_sim.tuning import GripParameters, MpcParameters
 
 TICK = 0.002
 GUESS = 0.4
@@ -19,7 +21,7 @@ def feel(state, grip, ratio, slip=0.0, seconds=0.2, stands=(True,) * 4):
     base = replace_velocity(state, -slip * np.array((0.6, 0.8, 0.0)))
     felt = replace(state, forces=forces @ R, base=base)
     for _ in range(round(seconds / TICK)):
-        leg_stages.grip(grip, felt, np.array(stands), np.eye(3), TICK)
+        leg_stages.grip(grip, felt, np.array(stands), np.eye(3), grip.rules, TICK)
     return grip.friction
 
 
@@ -28,8 +30,21 @@ def replace_velocity(state, velocity):
 
 
 @pytest.fixture
-def grip():
-    return Grip(PARAMETERS, GUESS)
+def make(model):
+    """Return what makes a grip of a guess, with the rules that it goes by."""
+
+    def make(guess):
+        grip = Grip(guess)
+        params = LegControllerParameters(mpc=MpcParameters(friction=guess))
+        grip.rules = flat_rules(params, model)
+        return grip
+
+    return make
+
+
+@pytest.fixture
+def grip(make):
+    return make(GUESS)
 
 
 @pytest.fixture
@@ -59,8 +74,8 @@ def test_a_foot_that_does_not_move_against_its_force_is_landing(rest, grip):
 
 
 @pytest.mark.parametrize('guess', [0.9, 0.05])
-def test_a_guess_beyond_what_is_believed_in_else_stays(rest, guess):
-    grip = Grip(PARAMETERS, guess)
+def test_a_guess_beyond_what_is_believed_in_else_stays(rest, make, guess):
+    grip = make(guess)
     assert feel(rest, grip, ratio=0.0) == guess
     assert feel(rest, grip, ratio=0.5 * guess, slip=0.5) < max(guess, PARAMETERS.least)
 

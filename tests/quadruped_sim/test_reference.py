@@ -3,9 +3,8 @@ from cases import for_all
 import leg_stages
 import numpy as np
 import pytest
-from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation.ground import Ground
 from quadruped_sim.locomotion.reference import BaseReference, horizon, Reference
-from quadruped_sim.tuning import GroundParameters, ReferenceParameters
 
 TIMES = 0.025 * np.arange(1, 13)
 
@@ -35,22 +34,23 @@ FEET = np.array(((0.2, 0.15, 0.0), (0.2, -0.15, 0.0), (-0.2, 0.15, 0.0), (-0.2, 
 LEVEL, UP, DOWN = 0.0, np.deg2rad(25.0), -np.deg2rad(25.0)
 
 
-def pitch(model, robot_state, slope, speed, nose):
+def pitch(rules, robot_state, slope, speed, nose):
     """Pitch of the reference [rad] on a slope, nose down positive."""
-    reference, ground = Reference(ReferenceParameters(), model.scale), Ground(GroundParameters())
+    reference, ground = Reference(), Ground()
     reference.reset(robot_state)
     feet = FEET + np.outer(FEET[:, 0], (0.0, 0.0, np.tan(slope)))
     for _ in range(2500):
-        leg_stages.stand(ground, feet, np.ones(4, dtype=bool), 0.002)
+        leg_stages.stand(ground, feet, np.ones(4, dtype=bool), rules, 0.002)
     command = np.array((speed, 0.0, 0.0))
-    wanted = leg_stages.follow(reference, robot_state, command, ground, (0.3, nose), 0.002)
+    pose = 0.3, nose
+    wanted = leg_stages.follow(reference, robot_state, command, ground, pose, rules, 0.002)
     return wanted.rpy[1]
 
 
 @for_all('speed', [-0.5, 0.0, 0.5])
 @for_all('slope', [LEVEL, UP, DOWN])
-def test_the_base_is_parallel_to_the_ground(model, robot_state, slope, speed):
-    assert pitch(model, robot_state, slope, speed, 0.0) == pytest.approx(-slope, abs=1e-6)
+def test_the_base_is_parallel_to_the_ground(rules, robot_state, slope, speed):
+    assert pitch(rules, robot_state, slope, speed, 0.0) == pytest.approx(-slope, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -63,6 +63,6 @@ def test_the_base_is_parallel_to_the_ground(model, robot_state, slope, speed):
         (DOWN, 0.5, 0.0),
     ],
 )
-def test_the_nose_is_up_for_who_goes_ahead_on_the_level(model, robot_state, slope, speed, up):
+def test_the_nose_is_up_for_who_goes_ahead_on_the_level(rules, robot_state, slope, speed, up):
     """On a slope as steep as stairs the robot would tip over backward."""
-    assert pitch(model, robot_state, slope, speed, 0.1) == pytest.approx(-slope - up, abs=1e-6)
+    assert pitch(rules, robot_state, slope, speed, 0.1) == pytest.approx(-slope - up, abs=1e-6)

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from quadruped_sim.algebra import flatten
 from quadruped_sim.elevation import Elevation, RESOLUTION
-from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation.ground import Ground
 from quadruped_sim.locomotion.footwork import blank_feet
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.sight import CELLS, find_seen_footholds, PERIOD, Sight, survey
 from quadruped_sim.robot_state import BaseMotion
-from quadruped_sim.tuning import GroundParameters
 from wasd_core.rotations import yaw_matrix
 
 RISE, TREAD = 0.15, 0.30
@@ -50,7 +49,7 @@ class Looker:
         places = np.meshgrid(*(self.terrain.corner[:, None] + along))
         z = np.where(holes(*places), np.nan, height(*places))
         self.terrain.add(np.stack((*places, z), axis=-1).reshape(-1, 3), 1e-4)
-        self.sight, self.ground = Sight(), Ground(GroundParameters())
+        self.sight, self.ground = Sight(), Ground()
         self.sight.terrain = self.terrain
         under = float(height(np.array(x), np.array(0.0)))
         self.position = np.array((x, 0.0, under + 0.3))

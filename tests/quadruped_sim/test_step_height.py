@@ -5,11 +5,11 @@ import math
 import leg_stages
 import numpy as np
 import pytest
-from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation.ground import Ground
 from quadruped_sim.locomotion.footwork import StepHeight
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.tuning import GroundParameters
+from quadruped_sim.rules import flat_rules
 
 TICK = 0.002
 PARAMETERS = LegControllerParameters()
@@ -20,24 +20,33 @@ FEET = np.array(((0.2, 0.1, 0.0), (0.2, -0.1, 0.0), (-0.2, 0.1, 0.0), (-0.2, -0.
 class Walk:
     """Step heights of a Go2 whose FL is in mid swing over level ground at z 0."""
 
-    def __init__(self, model, state):
-        self.height = StepHeight(PARAMETERS.gait, PARAMETERS.contact, model)
-        self.ground = Ground(GroundParameters())
+    def __init__(self, model, state, rules):
+        self.height, self.rules = StepHeight(PARAMETERS.gait, model), rules
+        self.ground = Ground()
         self._state = state
 
-    def step(self, phase=0.5, force=0.0, raised=0.0, dt=TICK):
+    def step(self, *args, **kwargs):
+        """Return the height of a step [m]."""
+        return self.feel(*args, **kwargs)[0]
+
+    def nose(self):
+        """Return how far it is up after no time [rad]."""
+        return self.feel(dt=0.0)[1]
+
+    def feel(self, phase=0.5, force=0.0, raised=0.0, dt=TICK):
         forces = np.zeros((4, 3))
         forces[0, 0] = -force
         stands = np.array((False, True, True, True))
         points = FEET + np.outer((0, 1, 0, 0), (0, 0, raised))
         state = replace(self._state, forces=forces, is_contact=stands)
         schedule = GaitState(stands, np.full(4, phase), 0.2, 0.2, 0.0)
-        return leg_stages.height(self.height, state, schedule, points, self.ground, dt)
+        place = self.ground, points
+        return leg_stages.height(self.height, state, schedule, place, self.rules, dt)
 
 
 @pytest.fixture
-def walk(model, robot_state):
-    return Walk(model, robot_state)
+def walk(model, robot_state, rules):
+    return Walk(model, robot_state, rules)
 
 
 def test_on_flat_ground_steps_are_low(walk):
@@ -84,15 +93,17 @@ def test_after_a_reset_flat_ground_is_expected(walk):
 
 def test_after_a_stumble_the_nose_is_up_until_the_ground_is_forgotten(walk):
     walk.step()
-    assert leg_stages.nose(walk.height, TICK) == 0.0
+    assert walk.nose() == 0.0
     walk.step(force=40.0)
-    up = leg_stages.nose(walk.height, TICK)
+    up = walk.nose()
     assert 0.05 < up < 0.15
     walk.step(dt=PARAMETERS.gait.terrain_time)
-    assert leg_stages.nose(walk.height, TICK) == pytest.approx(up * math.exp(-1.0))
+    assert walk.nose() == pytest.approx(up * math.exp(-1.0))
 
 
-def test_a_gallop_is_too_fast_for_high_steps_and_keeps_its_nose_down(walk):
-    walk.height.tune(replace(PARAMETERS.gait, name='gallop'), PARAMETERS.contact)
+def test_a_gallop_is_too_fast_for_high_steps_and_keeps_its_nose_down(model, walk):
+    gait = replace(PARAMETERS.gait, name='gallop')
+    walk.height.tune(gait)
+    walk.rules = flat_rules(replace(PARAMETERS, gait=gait), model)
     assert walk.step(force=40.0) == LOW
-    assert leg_stages.nose(walk.height, TICK) == 0.0
+    assert walk.height.raised == walk.nose() == 0.0

@@ -2,13 +2,11 @@
 import leg_stages
 import numpy as np
 import pytest
-from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation.ground import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.locomotion.swing import headroom, swing_point, swing_profile, SwingLegs
-from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.locomotion.swing import headroom, swing_point, swing_profile
 from quadruped_sim.robot_state import BaseMotion, RobotState
-from quadruped_sim.tuning import GroundParameters
 from wasd_core.rotations import rpy_matrix
 
 START = np.array((0.1, -0.1, 0.02))
@@ -87,15 +85,13 @@ def test_the_headroom_is_below_the_hip_as_the_base_sees_it():
 @pytest.mark.parametrize(
     ('height', 'lift'), [(0.30, 0.14), (0.20, 0.20 - 0.12 - 0.022), (0.1, 0.02)]
 )
-def test_a_low_robot_lifts_its_feet_less_than_it_is_told(model, height, lift):
+def test_a_low_robot_lifts_its_feet_less_than_it_is_told(rules, height, lift):
     """As far as is room below the hips, and a little at the least."""
     state = RobotState.blank()
     state.base.position[:], state.base.R[:] = (0.0, 0.0, height), np.eye(3)
-    legs, ground = SwingLegs(model, LegControllerParameters()), Ground(GroundParameters())
-    state.feet[:] = legs.nominal + (0.0, 0.0, FOOT)
-    legs.reset(state.feet)
+    state.feet[:] = rules['nominal'][0] + (0.0, 0.0, FOOT)
     rest = BaseReference(np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
     in_air = np.zeros(4, dtype=bool)
     schedule = GaitState(in_air, np.full(4, 0.5), TIME, TIME, pace=0.0)
-    targets = leg_stages.swing(legs, state, schedule, rest, ground, (0.14, 1.0))
+    targets = leg_stages.swing(state.feet, state, schedule, rest, Ground(), (0.14, 1.0), rules)
     np.testing.assert_allclose(targets.position[:, 2] - FOOT, lift, atol=1e-9)

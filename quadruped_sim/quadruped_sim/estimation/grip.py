@@ -2,27 +2,14 @@
 """The friction that the feet find, by how they slip."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
 
 from quadruped_sim.algebra import cross3, rotate, rotate_back
-from quadruped_sim.tuning import GripParameters
 
 # Cosine between motion and force of a foot below which it slips: -1, but for what is not known.
 _OPPOSED = -0.9
-
-
-class GripRule(NamedTuple):
-    """See `GripParameters`; the share of a tick to fall by, how far it rises, and its ends."""
-
-    slip_speed: float
-    share: float
-    fall: float
-    rise: float
-    least: float
-    most: float
 
 
 class Grip:
@@ -35,20 +22,13 @@ class Grip:
     otherwise is only landing. State: that coefficient.
     """
 
-    def __init__(self, params: GripParameters, guess: float) -> None:
-        self.flat = np.empty(1)
-        self.tune(params, guess)
+    def __init__(self, guess: float) -> None:
+        self.guess, self.flat = guess, np.empty(1)
         self.reset()
-
-    def tune(self, params: GripParameters, guess: float) -> None:
-        """Take other parameters and another guess."""
-        self._params, self._guess = params, guess
-        # A guess beyond what is believed in is what somebody knows better.
-        self._least, self._most = min(params.least, guess), max(params.most, guess)
 
     def reset(self) -> None:
         """Believe the guess."""
-        self.friction = self._guess
+        self.friction = self.guess
 
     @property
     def friction(self) -> float:
@@ -62,31 +42,33 @@ class Grip:
     @property
     def share(self) -> float:
         """Share of the guess that is there, at most 1: what speeding up must keep to."""
-        return min(1.0, self.friction / self._guess)
-
-    def rule(self, dt: float) -> GripRule:
-        """Return how friction is felt in ticks of `dt` [s]."""
-        params = self._params
-        fall, rise = min(1.0, dt / params.fall_time), dt * params.rise
-        return GripRule(params.slip_speed, params.share, fall, rise, self._least, self._most)
+        return min(1.0, self.friction / self.guess)
 
 
 @jit
 def feel_grip(
-    robot: np.ndarray, stands: np.ndarray, frame: np.ndarray, own: np.ndarray, rule: GripRule
+    robot: np.ndarray,
+    stands: np.ndarray,
+    frame: np.ndarray,
+    own: np.ndarray,
+    rules: np.ndarray,
+    dt: float,
 ) -> None:
     """
     Advance the coefficient `own` (1,) by a tick with the feet of the mask `stands` (4,).
 
     These bear load. `frame` (3, 3) turns ground axes, whose z is the normal, into the world.
     """
+    rule, guess = rules[0].grip, rules[0].mpc.friction
     slips, used = _feel(robot, stands, frame, rule.slip_speed)
     friction = own[0]
     if slips < math.inf:
-        friction += rule.fall * min(rule.share * slips - friction, 0.0)
+        fall = min(1.0, dt / rule.fall_time)
+        friction += fall * min(rule.share * slips - friction, 0.0)
     elif used > rule.share * friction:
-        friction += rule.rise
-    own[0] = min(max(rule.least, friction), rule.most)
+        friction += dt * rule.rise
+    # A guess beyond what is believed in is what somebody knows better.
+    own[0] = min(max(min(rule.least, guess), friction), max(rule.most, guess))
 
 
 @jit

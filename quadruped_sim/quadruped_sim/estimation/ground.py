@@ -8,7 +8,6 @@ import numpy as np
 from wasd_core.jit import jit
 
 from quadruped_sim.algebra import cross3, flatten, view_of
-from quadruped_sim.tuning import GroundParameters
 
 
 class Plane(NamedTuple):
@@ -27,14 +26,6 @@ class Plane(NamedTuple):
     height: float = 0.0
 
 
-class PlaneFilter(NamedTuple):
-    """How steep a slope is believed in, and the low-passes' shares of one tick."""
-
-    steepest: float
-    slope_share: float
-    height_share: float
-
-
 class Ground:
     """
     Plane z = height + gradient . (xy - centre), low-passed.
@@ -44,8 +35,7 @@ class Ground:
     `Plane` in one block of memory.
     """
 
-    def __init__(self, params: GroundParameters) -> None:
-        self.params = params
+    def __init__(self) -> None:
         blank = Plane(np.zeros((4, 3)), np.zeros(2), np.zeros(2), np.zeros(3), np.zeros((3, 3)))
         self.flat = flatten(blank)
         self._plane: Plane = view_of(self.flat, blank)
@@ -67,15 +57,6 @@ class Ground:
     def slope(self) -> float:
         """How steep the plane is [rad]."""
         return math.atan(math.hypot(*self._plane.gradient.tolist()))
-
-    def rule(self, dt: float) -> PlaneFilter:
-        """Return how the plane is followed in ticks of `dt` [s]."""
-        params = self.params
-        return PlaneFilter(
-            math.tan(params.slope_max),
-            min(1.0, dt / params.slope_time),
-            min(1.0, dt / params.height_time),
-        )
 
     def normal(self) -> np.ndarray:
         """Unit normal in world axes, pointing up, shape (3,)."""
@@ -122,17 +103,17 @@ def fit_plane(points: np.ndarray, steepest: float) -> tuple[np.ndarray, float, f
 
 @jit
 def follow_plane(
-    ground: np.ndarray, contacts: np.ndarray, is_contact: np.ndarray, low_pass: PlaneFilter
+    ground: np.ndarray, contacts: np.ndarray, is_contact: np.ndarray, rules: np.ndarray, dt: float
 ) -> None:
     """Update a flat `Plane`."""
-    plane = ground[0]
+    plane, rule = ground[0], rules[0].ground
     points, centre, gradient = plane.points, plane.centre, plane.gradient
-    steepest, slope_share, height_share = low_pass
+    slope_share, height_share = min(1.0, dt / rule.slope_time), min(1.0, dt / rule.height_time)
     for i in range(4):
         for k in range(3):
             if is_contact[i]:
                 points[i, k] = contacts[i, k]
-    mean, gx, gy = fit_plane(points, steepest)
+    mean, gx, gy = fit_plane(points, math.tan(rule.slope_max))
     gradient[0] += slope_share * (gx - gradient[0])
     gradient[1] += slope_share * (gy - gradient[1])
     # The centre jumps with each touchdown; the height is carried along the slope to it.

@@ -2,7 +2,7 @@
 """Where the base is and how fast it moves: a linear Kalman filter on IMU and leg kinematics."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
@@ -20,7 +20,7 @@ _SWING_VARIANCE = 100.0
 _SCALE = 0.01
 # Share of its trust below which a foot is far off, beside one that fits: four times the expected.
 _FAR = 1.0 / 17.0
-# Speed of the base, over `slip`, at which a leg that stands is off by twice as much.
+# Speed of the base, over `slip_speed`, at which a leg that stands is off by twice as much.
 _QUICK = 20.0
 # Least share of belief in a foot that counts at all.
 _LEAST = 1e-3
@@ -95,38 +95,6 @@ class Gaussian(NamedTuple):
     is_placed: np.ndarray
 
 
-class SensorModel(NamedTuple):
-    """
-    Where the IMU is and how round the feet are [m], and the noises' standard deviations.
-
-    Those are of acceleration, of its bias' walk, of a standing foot, of foot position by joint
-    angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s]. Feet are
-    drawn to the ground's level in `level_time` [s], but those more than `level_band` [m] off it
-    that may have landed elsewhere; the level rises where the ground is as steep as `level_slope`,
-    and stays while the trunk rolls or pitches faster than `level_rate` [rad/s]. Feet less than
-    `step_band` off where feet stood before them are drawn to that in `step_time`, from
-    `step_speed` [m/s] on and the less the farther their middle is from the base's, up to `middle`
-    [m].
-    """
-
-    imu_offset: np.ndarray
-    radius: float
-    acceleration: float
-    bias: float
-    foot: float
-    kinematics: float
-    velocity: float
-    slip: float
-    level_band: float
-    level_time: float
-    level_slope: float
-    level_rate: float
-    step_band: float
-    step_time: float
-    step_speed: float
-    middle: float
-
-
 class KalmanEstimator:
     """
     21 states: IMU position and velocity, four foot centres, accelerometer bias [Bloesch2012].
@@ -147,8 +115,7 @@ class KalmanEstimator:
     def __init__(
         self, params: EstimatorParameters, foot_radius: float, imu_offset: np.ndarray
     ) -> None:
-        self._radius = foot_radius
-        self._imu_offset = imu_offset
+        self._robot = {'imu_offset': imu_offset, 'radius': foot_radius}
         blank = Gaussian(
             *(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1, 1, 1, 2, 1, 1))
         )
@@ -161,26 +128,7 @@ class KalmanEstimator:
     def tune(self, params: EstimatorParameters) -> None:
         """Take other noises; the estimate stays."""
         self._params = params
-        self._sensors = flatten(
-            SensorModel(
-                self._imu_offset,
-                self._radius,
-                params.acceleration_noise,
-                params.bias_noise,
-                params.foot_noise,
-                params.kinematics_noise,
-                params.velocity_noise,
-                params.slip_speed,
-                params.level_band,
-                params.level_time,
-                params.level_slope,
-                params.level_rate,
-                params.step_band,
-                params.step_time,
-                params.step_speed,
-                params.step_middle,
-            )
-        )
+        self._sensors = flatten(vars(params) | self._robot)
 
     def reset(self, position: np.ndarray, feet: np.ndarray, level: float = 0.0) -> None:
         """Start at rest at `position` (3,), feet (4, 3) on ground at a `level`, world [m]."""
@@ -238,7 +186,7 @@ class KalmanEstimator:
 
 @jit
 def _anchor(
-    estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: float, is_thrown: bool
+    estimate: Gaussian, footing: Footing, sensors: Any, dt: float, is_thrown: bool
 ) -> None:
     """
     Draw feet that stand on even ground to its level, and to where others stood before them.
@@ -276,7 +224,7 @@ def _anchor(
     time = sensors.level_time * (1.0 + _SLOWER * rough)
     shift = -known / time * off_level
     if footing.is_walking and abs(off) < sensors.step_band:
-        aside = math.hypot(ahead, left) / sensors.middle
+        aside = math.hypot(ahead, left) / sensors.step_middle
         draw = max(1.0 - aside, 0.0) * min(speed / sensors.step_speed, 1.0) ** 2
         shift -= dt / sensors.step_time * draw * off
     estimate.x[0, 2] += shift
@@ -285,7 +233,9 @@ def _anchor(
 
 
 @jit
-def _raise_level(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: float) -> float:
+def _raise_level(
+    estimate: Gaussian, footing: Footing, sensors: EstimatorParameters, dt: float
+) -> float:
     """
     Raise the level as the ground does on the way; return how even that is, from 0 to 1.
 
@@ -306,7 +256,7 @@ def _level(
     estimate: Gaussian,
     footing: Footing,
     ground: tuple[float, float, float],
-    sensors: SensorModel,
+    sensors: EstimatorParameters,
     dt: float,
 ) -> float:
     """
@@ -377,22 +327,22 @@ def _filter_step(
     put(x[6], rotate(R, x[6]))  # into world axes, and back in the end
     _predict_base(estimate, imu, sensors, dt)
     reach, velocity, rolling = _legs(imu, motion, footing.normal, sensors)
-    _believe(estimate, footing.trust, velocity, sensors.slip)
+    _believe(estimate, footing.trust, velocity, sensors.slip_speed)
     belief = estimate.belief
     # Independent noises: measurements may be taken one after the other.
     for i in range(4):
         share = max(belief[i], _LEAST)
         for k in range(3):
             x[2 + i, k] += dt * belief[i] * rolling[i, k]
-        P[2 + i, 2 + i] += dt * min((sensors.foot / share) ** 2, _SWING_VARIANCE)
+        P[2 + i, 2 + i] += dt * min((sensors.foot_noise / share) ** 2, _SWING_VARIANCE)
         h = np.zeros(7)
         h[0], h[2 + i] = -1.0, 1.0
-        _scalar_update(estimate, h, reach[i], sensors.kinematics * sensors.kinematics)
+        _scalar_update(estimate, h, reach[i], sensors.kinematics_noise**2)
     for i in range(4):
         if belief[i] > _LEAST:
             h = np.zeros(7)
             h[1] = 1.0
-            noise = sensors.velocity * sensors.velocity / belief[i]
+            noise = sensors.velocity_noise**2 / belief[i]
             _scalar_update(estimate, h, velocity[i], noise)
     put(x[6], rotate_back(R, x[6]))
     is_thrown = R[2, 2] < _UPRIGHT or math.hypot(imu.omega[0], imu.omega[1]) > sensors.level_rate
@@ -404,7 +354,7 @@ def _filter_step(
 
 @jit
 def _legs(
-    imu: ImuSample, motion: LegMotion, normal: np.ndarray, sensors: SensorModel
+    imu: ImuSample, motion: LegMotion, normal: np.ndarray, sensors: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Return what each leg says, world axes, each (4, 3).
@@ -459,7 +409,9 @@ def _believe(estimate: Gaussian, trust: np.ndarray, velocity: np.ndarray, slip: 
 
 
 @jit
-def _predict_base(estimate: Gaussian, imu: ImuSample, sensors: SensorModel, dt: float) -> None:
+def _predict_base(
+    estimate: Gaussian, imu: ImuSample, sensors: EstimatorParameters, dt: float
+) -> None:
     """Move the IMU by what its accelerometer feels, less the bias."""
     x, P = estimate.x, estimate.P
     felt, force, square = rotate(imu.R, imu.acceleration), np.empty(3), 0.0
@@ -476,12 +428,12 @@ def _predict_base(estimate: Gaussian, imu: ImuSample, sensors: SensorModel, dt: 
     for k in range(7):
         P[k, 0] += dt * P[k, 1] - 0.5 * dt * dt * P[k, 6]
         P[k, 1] -= dt * P[k, 6]
-    q = (sensors.acceleration * sensors.acceleration + _SCALE * _SCALE * square) * dt
+    q = (sensors.acceleration_noise**2 + _SCALE * _SCALE * square) * dt
     P[0, 0] += q * dt * dt / 3.0
     P[0, 1] += q * dt / 2.0
     P[1, 0] += q * dt / 2.0
     P[1, 1] += q
-    P[6, 6] += sensors.bias * sensors.bias * dt
+    P[6, 6] += sensors.bias_noise**2 * dt
 
 
 @jit

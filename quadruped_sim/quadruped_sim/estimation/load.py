@@ -9,7 +9,7 @@ from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3, flatten, put, rotate_back
 from quadruped_sim.dynamics import Dynamics, find_dynamics
-from quadruped_sim.estimation.touch import feel_touch, find_touch, TouchRule
+from quadruped_sim.estimation.touch import feel_touch, find_touch
 from quadruped_sim.leg_kinematics import find_contact_points
 from quadruped_sim.robot_state import place_base, sound_height
 
@@ -27,14 +27,6 @@ class LoadState(NamedTuple):
     is_started: np.ndarray
 
 
-class LoadRule(NamedTuple):
-    """Inertia (3, 3) [kg m^2] about the CoM, its largest shift [m], and a rate [1/s]."""
-
-    inertia: np.ndarray
-    most: float
-    rate: float
-
-
 class LoadObserver:
     """
     Sees what the robot carries: the force along gravity and the moments that its model lacks.
@@ -45,25 +37,19 @@ class LoadObserver:
     stays. State: the observer, `flat`.
     """
 
-    def __init__(self, inertia: np.ndarray, length: float) -> None:
-        """Take the inertia (3, 3) [kg m^2] about the CoM, and lengths over the Go2's."""
-        self._inertia = inertia
-        self._shift_most = _SHIFT_MOST * length
+    def __init__(self) -> None:
         self.flat = flatten(LoadState(np.zeros(3), np.zeros(3), np.zeros(1, dtype=bool)))
 
     def reset(self) -> None:
         """Believe the model again."""
         self.flat['residual'], self.flat['is_started'] = 0.0, False
 
-    def rule(self, time: float) -> LoadRule:
-        """Return how a load is felt with a time constant [s]."""
-        return LoadRule(self._inertia, self._shift_most, 1.0 / time)
-
 
 @jit
-def feel_load(load: np.ndarray, robot: np.ndarray, rule: LoadRule, dt: float) -> None:
+def feel_load(load: np.ndarray, robot: np.ndarray, rules: np.ndarray, dt: float) -> None:
     """Observe with a flat `LoadState`, and correct the dynamics of a flat `RobotState`."""
-    own, state = load[0], robot[0]
+    own, state, inertia = load[0], robot[0], rules[0].inertia
+    rate = 1.0 / rules[0].contact.load_time
     base, dynamics, up = state.base, state.dynamics, state.base.R[2]
     mass, momentum = dynamics.mass[0, 0], np.zeros(3)
     velocity = rotate_back(base.R, base.velocity)
@@ -71,8 +57,8 @@ def feel_load(load: np.ndarray, robot: np.ndarray, rule: LoadRule, dt: float) ->
     known[0] = -GRAVITY * mass
     for k in range(3):
         momentum[0] += mass * up[k] * velocity[k]
-        momentum[1] += rule.inertia[0, k] * base.omega[k]
-        momentum[2] += rule.inertia[1, k] * base.omega[k]
+        momentum[1] += inertia[0, k] * base.omega[k]
+        momentum[2] += inertia[1, k] * base.omega[k]
     for i in range(4):
         force = state.forces[i]
         for k in range(3):
@@ -85,9 +71,9 @@ def feel_load(load: np.ndarray, robot: np.ndarray, rule: LoadRule, dt: float) ->
         if not own.is_started[0]:
             own.integral[k] = momentum[k]
         own.integral[k] += dt * (known[k] + own.residual[k])
-        own.residual[k] = rule.rate * (momentum[k] - own.integral[k])
+        own.residual[k] = rate * (momentum[k] - own.integral[k])
     own.is_started[0] = True
-    _carry(dynamics, up, own.residual, rule.most)
+    _carry(dynamics, up, own.residual, _SHIFT_MOST * rules[0].length)
 
 
 @jit
@@ -120,14 +106,6 @@ def _carry(dynamics: Dynamics, up: np.ndarray, load: np.ndarray, most: float) ->
         com[k] = moved[k]
 
 
-class TouchRules(NamedTuple):
-    """The rules of all that is felt; feet are balls of `radius` [m]."""
-
-    touch: TouchRule
-    load: LoadRule
-    radius: float
-
-
 @jit
 def feel_ground(
     robot: np.ndarray,
@@ -141,21 +119,21 @@ def feel_ground(
     Write into a flat `RobotState` that knows its base and joints all that follows of these.
 
     That are its place, its dynamics, forces, contacts and contact points, and its load. `rigid`
-    are flat `Bodies` and `Links`, `stages` a flat `Felt` and `LoadState`, `rules` flat
-    `TouchRules`. `seen` are the joints' torques (12,) [N m] and the ground's normal (3,), world
+    are flat `Bodies` and `Links`, `stages` a flat `Felt` and `LoadState`, `rules` see
+    `flat_rules`. `seen` are the joints' torques (12,) [N m] and the ground's normal (3,), world
     axes. `tick` is dt [s] and whether the robot is on its feet, so that its load is felt.
     Return the base's `sound_height` [m].
     """
-    state, felt, rule, (torque, normal), (dt, is_up) = robot[0], stages[0][0], rules[0], seen, tick
+    state, felt, (torque, normal), (dt, is_up) = robot[0], stages[0][0], seen, tick
     place_base(robot)
     find_dynamics(rigid[0], rigid[1], robot)
-    feel_touch(stages[0], robot, torque, rule.touch, dt)
+    feel_touch(stages[0], robot, torque, rules, dt)
     up = rotate_back(state.base.R, normal)
-    find_touch(stages[0], up, rule.touch)
+    find_touch(stages[0], up, rules)
     for i in range(4):
         put(state.forces[i], felt.forces[i])
         state.normal_forces[i], state.is_contact[i] = felt.normal_forces[i], felt.is_contact[i]
-    find_contact_points(state.motion, up, rule.radius, state.contact)
+    find_contact_points(state.motion, up, rules[0].geometry.foot_radius, state.contact)
     if is_up:
-        feel_load(stages[1], robot, rule.load, dt)
+        feel_load(stages[1], robot, rules, dt)
     return sound_height(robot)

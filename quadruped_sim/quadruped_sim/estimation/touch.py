@@ -7,7 +7,6 @@ import numpy as np
 from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten, solve_in_place, Three, view_of
-from quadruped_sim.tuning import ContactParameters
 
 
 class Felt(NamedTuple):
@@ -26,14 +25,6 @@ class Felt(NamedTuple):
     is_started: np.ndarray
 
 
-class TouchRule(NamedTuple):
-    """Bandwidth of the observer [1/s]; touch ends below the force `off` and begins at `on` [N]."""
-
-    bandwidth: float
-    off: float
-    on: float
-
-
 class ContactDetector:
     """
     Estimates the force on each foot and whether it touches.
@@ -43,8 +34,7 @@ class ContactDetector:
     State: the observer, the forces (4, 3) [N] in base axes, contact flags with hysteresis.
     """
 
-    def __init__(self, params: ContactParameters) -> None:
-        self.params = params
+    def __init__(self) -> None:
         flags, flag = np.zeros(4, dtype=bool), np.zeros(1, dtype=bool)
         blank = Felt(np.zeros(12), np.zeros(12), np.zeros((4, 3)), np.zeros(4), flags, flag)
         self.flat = flatten(blank)
@@ -58,16 +48,10 @@ class ContactDetector:
         for part in self._felt:
             part[:] = 0
 
-    @property
-    def rule(self) -> TouchRule:
-        """What forces are felt by."""
-        params = self.params
-        return TouchRule(params.bandwidth, params.force_off, params.force_on)
-
 
 @jit
 def feel_touch(
-    flat_felt: np.ndarray, robot: np.ndarray, torque: np.ndarray, rule: TouchRule, dt: float
+    flat_felt: np.ndarray, robot: np.ndarray, torque: np.ndarray, rules: np.ndarray, dt: float
 ) -> None:
     """
     Advance a flat `Felt` by the joints' torques (12,) [N m] in a flat `RobotState`.
@@ -78,7 +62,7 @@ def feel_touch(
     integral, residual, forces = felt.integral, felt.residual, felt.forces
     drift, momentum = state.dynamics.momentum_drift, state.dynamics.momentum
     # Faster than the steps the observer would swing, and from twice that on without end.
-    rate = min(rule.bandwidth, 1.0 / max(dt, 1e-9))
+    rate = min(rules[0].contact.bandwidth, 1.0 / max(dt, 1e-9))
     for k in range(12):
         if not felt.is_started[0]:
             integral[k] = momentum[k]
@@ -102,12 +86,12 @@ def feel_touch(
 
 
 @jit
-def find_touch(flat_felt: np.ndarray, normal: Three, rule: TouchRule) -> None:
+def find_touch(flat_felt: np.ndarray, normal: Three, rules: np.ndarray) -> None:
     """Write what the feet bear and which touch, with `normal` up in base axes."""
-    felt = flat_felt[0]
+    felt, rule = flat_felt[0], rules[0].contact
     for i in range(4):
         bears = 0.0
         for k in range(3):
             bears += felt.forces[i, k] * normal[k]
         felt.normal_forces[i] = bears
-        felt.is_contact[i] = bears > (rule.off if felt.is_contact[i] else rule.on)
+        felt.is_contact[i] = bears > (rule.force_off if felt.is_contact[i] else rule.force_on)

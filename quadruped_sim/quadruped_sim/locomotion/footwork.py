@@ -8,22 +8,15 @@ import numpy as np
 from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten, view_of
-from quadruped_sim.estimation import feel_grip, follow_plane, GripRule, height_at, PlaneFilter
+from quadruped_sim.estimation.grip import feel_grip
+from quadruped_sim.estimation.ground import follow_plane, height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import advance, BaseReference
 from quadruped_sim.locomotion.sight import find_seen_footholds, survey
-from quadruped_sim.locomotion.swing import (
-    arrival_of,
-    find_landing,
-    FootPaths,
-    lead,
-    SwingGains,
-    SwingTargets,
-)
-from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.locomotion.swing import arrival_of, find_landing, FootPaths, lead, SwingTargets
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.tuning import ContactParameters, GaitParameters
+from quadruped_sim.tuning import GaitParameters
 
 # Feet that stand this far off the plane through all are the noise of a flat floor, and this far
 # off are on rough ground, in full; on the Go2 [m].
@@ -47,23 +40,6 @@ _PATIENCE = 0.03
 _SETTLING, _ROUGH_SETTLING = 0.6, 0.8
 
 
-class StepRule(NamedTuple):
-    """
-    A force that is a stumble [N], flat and rough [m], what of the roughness a tick leaves.
-
-    Steps have a height on flat ground, and so much more on rough [m], where the nose is so far up
-    [rad].
-    """
-
-    force: float
-    flat: float
-    rough: float
-    left: float
-    height: float
-    higher: float
-    nose: float
-
-
 class StepHeight:
     """
     Steps are low on flat ground, high after a stumble [Focchi2013] or where footholds are uneven;
@@ -72,19 +48,14 @@ class StepHeight:
     State: how rough the ground is, from 0 to 1. It is felt at once and forgotten slowly.
     """
 
-    def __init__(self, params: GaitParameters, contact: ContactParameters, model: RobotModel):
+    def __init__(self, params: GaitParameters, model: RobotModel) -> None:
         self._scale = model.scale.of('m')
         self.flat = np.zeros(1)
-        self.tune(params, contact)
-        self.reset()
+        self.tune(params)
 
-    def tune(self, params: GaitParameters, contact: ContactParameters) -> None:
-        """Take other heights and another threshold of force."""
-        self._params, self._force = params, contact.force_on
-        higher = params.rough_step_height - params.step_height
-        share = GAITS[params.name].rough
-        self._more = share * higher, share * _NOSE
-        self._raised = share * _RAISED * self._scale
+    def tune(self, params: GaitParameters) -> None:
+        """Walk in another gait."""
+        self._raised = GAITS[params.name].rough * _RAISED * self._scale
 
     def reset(self) -> None:
         """Expect flat ground."""
@@ -100,46 +71,44 @@ class StepHeight:
         """How rough the ground is, from 0 to 1."""
         return float(self.flat[0])
 
-    def rule(self, dt: float) -> StepRule:
-        """Return how the ground is felt in ticks of `dt` [s]."""
-        params, scale = self._params, self._scale
-        left = math.exp(-dt / params.terrain_time)
-        limits = self._force, _FLAT * scale, _ROUGH * scale
-        return StepRule(*limits, left, params.step_height, *self._more)
-
 
 @jit
 def find_step_height(
     robot: np.ndarray,
-    ground: np.ndarray,
+    ground: tuple[np.ndarray, np.ndarray],
     legs: tuple[np.ndarray, np.ndarray],
-    points: np.ndarray,
     own: np.ndarray,
-    rule: StepRule,
-) -> float:
-    """Advance the roughness `own` (1,) by a tick; return the height of a step [m]."""
-    limits = rule.force, rule.flat, rule.rough
-    own[0] = max(own[0] * rule.left, _feel_steps(robot, ground, legs, points, limits))
-    return float(rule.height + own[0] * rule.higher)
+    rules: np.ndarray,
+    dt: float,
+) -> tuple[float, float]:
+    """
+    Advance the roughness `own` (1,) by a tick.
+
+    Return the height of a step [m], and how far the nose of who walks ahead is up [rad].
+    """
+    rule, share = rules[0].gait, rules[0].rough
+    left = own[0] * math.exp(-dt / rule.terrain_time)
+    own[0] = max(left, _feel_steps(robot, ground, legs, rules))
+    higher = share * (rule.rough_step_height - rule.step_height)
+    return rule.step_height + own[0] * higher, own[0] * (share * _NOSE)
 
 
 @jit
 def _feel_steps(
     robot: np.ndarray,
-    ground: np.ndarray,
+    ground: tuple[np.ndarray, np.ndarray],
     legs: tuple[np.ndarray, np.ndarray],
-    points: np.ndarray,
-    limits: tuple[float, float, float],
+    rules: np.ndarray,
 ) -> float:
     """
     Return how rough the ground is felt to be now: in full by a foot that meets something.
 
-    `legs` are which stand by schedule, and their phases; `limits` a force [N], flat and rough [m].
+    `ground` is a flat `Plane`, and where feet are on it; `legs` are which stand by schedule, and
+    their phases.
     """
-    state, plane = robot[0], ground[0]
-    is_stance, phase = legs
-    force, flat, rough = limits
-    off = 0.0
+    state, plane, force, off = robot[0], ground[0][0], rules[0].contact.force_on, 0.0
+    points, (is_stance, phase) = ground[1], legs
+    flat, rough = _FLAT * rules[0].length, _ROUGH * rules[0].length
     for i in range(4):
         if not is_stance[i] and _MID_SWING[0] < phase[i] < _MID_SWING[1]:
             for k in range(3):
@@ -148,21 +117,23 @@ def _feel_steps(
         if state.is_contact[i]:
             level = height_at(plane, points[i, 0], points[i, 1])
             off = max(off, abs(points[i, 2] - level))
-    return min(max((off - flat) / (rough - flat), 0.0), 1.0)
+    return float(min(max((off - flat) / (rough - flat), 0.0), 1.0))
 
 
 class Feet(NamedTuple):
     """
     What is kept of the feet, each (4,) or (4, 3).
 
-    `points` is where they touch or would touch and `landing` where they are to land, world axes
-    [m], `trust` in [0, 1] how surely they stand. Flags are who stands, touched before its time,
-    has touched since it swung, and bears load, so that it tells of the ground. `sought` says for
-    how long a foot has looked for ground below its landing [s].
+    `points` is where they touch or would touch, `landing` where they are to land and `lift_off`
+    where they left the ground, world axes [m], `trust` in [0, 1] how surely they stand. Flags are
+    who stands, touched before its time, has touched since it swung, and bears load, so that it
+    tells of the ground. `sought` says for how long a foot has looked for ground below its landing
+    [s].
     """
 
     points: np.ndarray
     landing: np.ndarray
+    lift_off: np.ndarray
     trust: np.ndarray
     is_stance: np.ndarray
     is_early: np.ndarray
@@ -174,43 +145,9 @@ class Feet(NamedTuple):
 def blank_feet() -> tuple[np.ndarray, Feet]:
     """Return feet that all stand, flat and as a view on that."""
     three, flags = np.zeros((4, 3)), np.zeros(4, dtype=bool)
-    blank = Feet(three, three, np.ones(4), ~flags, flags, ~flags, flags, np.zeros(4))
+    blank = Feet(three, three, three, np.ones(4), ~flags, flags, ~flags, flags, np.zeros(4))
     flat = flatten(blank)
     return flat, view_of(flat, blank)
-
-
-class StanceRule(NamedTuple):
-    """
-    When a foot stands, and how surely.
-
-    One that touches from the phase `late` of its swing on does; feet are balls of `radius` [m].
-    Trust grows from the force `off` to `on` [N], as a foot settles, and ends in a share `window`.
-    """
-
-    late: float
-    radius: float
-    off: float
-    on: float
-    window: float
-
-
-def stance_rule(params: LegControllerParameters, radius: float) -> StanceRule:
-    """Return the rule by parameters, of feet of a radius [m]."""
-    contact, window = params.contact, max(params.kalman.phase_window, 1e-6)
-    late = params.gait.early_contact_phase
-    return StanceRule(late, radius, contact.force_off, contact.force_on, window)
-
-
-class FootRules(NamedTuple):
-    """The rules of all stages, flat ones among them: see each."""
-
-    stance: StanceRule
-    plane: PlaneFilter
-    grip: GripRule
-    step: StepRule
-    reference: np.ndarray
-    foothold: np.ndarray
-    gains: SwingGains
 
 
 class FootStages(NamedTuple):
@@ -223,58 +160,47 @@ class FootStages(NamedTuple):
     sight: np.ndarray
 
 
-class FootAims(NamedTuple):
-    """The base's reference and the targets to be written; what `FootPaths` has of each leg."""
-
-    wanted: BaseReference
-    targets: SwingTargets
-    lift_off: np.ndarray
-    hips: np.ndarray
-    room: tuple[float, float, float, float]
-
-
 @jit
 def step_feet(
     robot: np.ndarray,
     feet: np.ndarray,
     schedule: GaitState,
-    stages: tuple[FootStages, FootRules],
-    aims: FootAims,
+    stages: tuple[FootStages, np.ndarray],
+    aims: tuple[BaseReference, SwingTargets],
     asked: tuple[np.ndarray, float, float, bool],
 ) -> bool:
     """
-    Advance all stages of a tick and write `Feet`, flat, and `aims`; whether others stand now.
+    Advance all stages of a tick by `flat_rules`; write `Feet`, flat, and `aims`.
 
-    `asked` are the velocity command (3,), the base's height [m], dt [s] and if the legs step.
+    Those are the base's reference and the targets. `asked` are the velocity command (3,), the
+    base's height [m], dt [s] and if the legs step. Return whether others stand now.
     """
-    legs, schedule, aims = feet[0], GaitState(*schedule), FootAims(*aims)
-    own, rules = FootStages(*stages[0]), FootRules(*stages[1])
+    legs, schedule = feet[0], GaitState(*schedule)
+    own, rules = FootStages(*stages[0]), stages[1]
     command, height, dt, is_stepping = asked
-    stance = StanceRule(*rules.stance)
-    is_new = _feel_stance(robot, feet, schedule, stance, (aims.lift_off, is_stepping))
-    follow_plane(own.plane, legs.points, legs.is_loaded, rules.plane)
+    is_new = _feel_stance(robot, feet, schedule, rules, is_stepping)
+    follow_plane(own.plane, legs.points, legs.is_loaded, rules, dt)
     scheduled = schedule.is_stance, schedule.phase
-    step = StepRule(*rules.step)
-    rise = find_step_height(robot, own.plane, scheduled, legs.points, own.roughness, step)
+    ground = own.plane, legs.points
+    rise, nose = find_step_height(robot, ground, scheduled, own.roughness, rules, dt)
     survey(robot, feet, own.plane, own.sight, command)
     sight = own.sight[0]
     frame = sight.tread.frame if sight.tread_share[0] > 0.0 else own.plane[0].frame
-    feel_grip(robot, legs.is_loaded, frame, own.grip, GripRule(*rules.grip))
-    nose = own.roughness[0] * step.nose * (1.0 - sight.share[0])
-    wanted, pose = aims.wanted, (command, height, nose, dt)
+    feel_grip(robot, legs.is_loaded, frame, own.grip, rules, dt)
+    wanted, pose = aims[0], (command, height, nose * (1.0 - sight.share[0]), dt)
     plane = sight.plane if sight.share[0] > 0.0 else own.plane[0]
-    advance(own.reference, rules.reference, robot, plane, pose, wanted)
+    advance(own.reference, rules, robot, plane, pose, wanted)
     firmness = max(schedule.pace, own.roughness[0])
     times = schedule.stance_time, schedule.swing_time, schedule.pace, schedule.footprint
     steps = GaitState(legs.is_stance, schedule.phase, *times)
-    find_landing(rules.foothold, robot, own.plane, (steps, wanted, firmness), legs.landing)
+    find_landing(rules, robot, own.plane, (steps, wanted, firmness), legs.landing)
     rises, arrivals = np.full(4, rise), np.full(4, arrival_of(firmness))
-    seen = aims.lift_off, rises, arrivals, stance.radius
+    seen = legs.lift_off, rises, arrivals, rules[0].geometry.foot_radius
     find_seen_footholds(robot, feet, own.plane, own.sight, steps, seen)
-    paths = FootPaths(aims.lift_off, legs.landing, rises, arrivals, aims.hips, aims.room)
-    lead(robot, paths, steps, (rules.gains, legs.sought), aims.targets)
+    paths = FootPaths(legs.lift_off, legs.landing, rises, arrivals)
+    lead(robot, paths, steps, (rules, legs.sought), aims[1])
     settling = _SETTLING + own.roughness[0] * (_ROUGH_SETTLING - _SETTLING)
-    _find_trust(robot, feet, (schedule.phase, schedule.pace, settling), stance, is_stepping)
+    _find_trust(robot, feet, (schedule.phase, schedule.pace, settling), rules, is_stepping)
     return is_new
 
 
@@ -283,23 +209,23 @@ def _feel_stance(
     robot: np.ndarray,
     feet: np.ndarray,
     schedule: GaitState,
-    rule: StanceRule,
-    walk: tuple[np.ndarray, bool],
+    rules: np.ndarray,
+    is_stepping: bool,
 ) -> bool:
     """
     Write which feet stand, from where they have just lifted, which touched early, and bear load.
 
     A foot stands by schedule, or from a touch late in the swing on; but while legs step, one that
     has felt no ground for a while stands nowhere and goes on down [Focchi2013]. It bears load if
-    it is felt to, once it has settled: only these say where the ground is. `walk` are the points
-    of lift-off (4, 3), and if legs step. Return if others stand now.
+    it is felt to, once it has settled: only these say where the ground is. Return if others stand
+    now.
     """
     state, legs, is_new = robot[0], feet[0], False
-    lift_off, is_stepping = walk
+    late, radius = rules[0].gait.early_contact_phase, rules[0].geometry.foot_radius
     for i in range(4):
         touches, phase = state.is_contact[i] != 0, schedule.phase[i]
         scheduled = schedule.is_stance[i]
-        early = not scheduled and (legs.is_early[i] != 0 or (phase > rule.late and touches))
+        early = not scheduled and (legs.is_early[i] != 0 or (phase > late and touches))
         legs.has_touched[i] = touches or (scheduled and legs.has_touched[i] != 0)
         sought = phase * schedule.stance_time - _PATIENCE
         misses = is_stepping and scheduled and legs.has_touched[i] == 0 and sought > 0.0
@@ -309,9 +235,9 @@ def _feel_stance(
         is_new = is_new or stood != stands
         legs.is_loaded[i] = stands and touches and (phase > _SETTLED or early)
         for k in range(3):
-            legs.points[i, k] = state.feet[i, k] - (rule.radius if k == 2 else 0.0)
+            legs.points[i, k] = state.feet[i, k] - (radius if k == 2 else 0.0)
             if stood and not stands:
-                lift_off[i, k] = state.feet[i, k]
+                legs.lift_off[i, k] = state.feet[i, k]
     return is_new
 
 
@@ -320,7 +246,7 @@ def _find_trust(
     robot: np.ndarray,
     feet: np.ndarray,
     steps: tuple[np.ndarray, float, float],
-    rule: StanceRule,
+    rules: np.ndarray,
     is_stepping: bool,
 ) -> None:
     """
@@ -329,12 +255,15 @@ def _find_trust(
     `steps` are the phases (4,), the pace, and the share of a slow stance in which a foot settles.
     """
     legs, (phase, pace, slowest) = feet[0], steps
+    contact, window = rules[0].contact, max(rules[0].kalman.phase_window, 1e-6)
     slow = 1.0 - pace
-    settling = slow * slowest + pace * rule.window
+    settling = slow * slowest + pace * window
     for i in range(4):
-        felt = (robot[0].normal_forces[i] - rule.off) / (rule.on - rule.off)
+        felt = (robot[0].normal_forces[i] - contact.force_off) / (
+            contact.force_on - contact.force_off
+        )
         legs.trust[i] = min(max(felt, 0.0), 1.0) if legs.is_stance[i] else 0.0
         if is_stepping:
-            settled, left = min(phase[i] / settling, 1.0), (1.0 - phase[i]) / rule.window
+            settled, left = min(phase[i] / settling, 1.0), (1.0 - phase[i]) / window
             edge = min(settled ** (1.0 + 3.0 * slow), left)
             legs.trust[i] *= 0.5 * pace if legs.is_early[i] else edge

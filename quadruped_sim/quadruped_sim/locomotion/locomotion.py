@@ -9,7 +9,8 @@ from wasd_core.robot_io import GRAVITY, JointCommand
 from wasd_core.rotations import cross, yaw_matrix
 
 from quadruped_sim.algebra import plain
-from quadruped_sim.estimation import Grip, Ground
+from quadruped_sim.estimation.grip import Grip
+from quadruped_sim.estimation.ground import Ground
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc, MpcProblem
 from quadruped_sim.locomotion.feedback import (
     base_acceleration,
@@ -17,15 +18,7 @@ from quadruped_sim.locomotion.feedback import (
     joint_command,
     standing_forces,
 )
-from quadruped_sim.locomotion.footwork import (
-    blank_feet,
-    FootAims,
-    FootRules,
-    FootStages,
-    stance_rule,
-    step_feet,
-    StepHeight,
-)
+from quadruped_sim.locomotion.footwork import blank_feet, FootStages, step_feet, StepHeight
 from quadruped_sim.locomotion.gait import Gait
 from quadruped_sim.locomotion.reference import (
     BaseReference,
@@ -37,11 +30,12 @@ from quadruped_sim.locomotion.reference import (
     turned,
 )
 from quadruped_sim.locomotion.sight import Sight
-from quadruped_sim.locomotion.swing import blank_targets, SwingLegs, SwingTargets
+from quadruped_sim.locomotion.swing import blank_targets, SwingTargets
 from quadruped_sim.locomotion.whole_body import WholeBody, WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.rules import flat_rules
 
 # On the Go2: how fast the base sinks or rises to its height on entry [m/s],
 _HEIGHT_RATE = 0.15
@@ -71,21 +65,21 @@ class Locomotion:
         self._rest = _REST[0] * scale.of('m/s'), _REST[1] * scale.of('m')
         self._unrest = _UNREST[0] * scale.of('m/s'), _UNREST[1] * scale.of('m')
         self.gait = Gait(params.gait)
-        self.ground = Ground(params.ground)
-        self.reference = Reference(params.reference, scale)
+        self.ground = Ground()
+        self.reference = Reference()
         inertia, _ = model.inertia_about_com(model.walking_pose)
         self.mpc = ConvexMpc(params.mpc, inertia)
         self.whole_body = WholeBody(params.whole_body, params.mpc, model.limits)
         self._tracking = BaseTracking(params.whole_body, inertia)
-        self.swing_legs = SwingLegs(model, params)
-        self.step_height = StepHeight(params.gait, params.contact, model)
-        self.grip = Grip(params.grip, params.mpc.friction)
+        self.step_height = StepHeight(params.gait, model)
+        self.grip = Grip(params.mpc.friction)
         self.sight = Sight()
         self._params = params
         self._nominal_height = self._height_of(params)
         self.schedule = self.gait.state()
         self._flat_feet, self._feet = blank_feet()
         self.is_stance, self.trust = self._feet.is_stance, self._feet.trust
+        self.landing = self._feet.landing  # where feet in the air are to, (4, 3), world [m]
         # What base and feet shall do in a tick is written over that of the one before.
         self._wanted, self._targets = blank_reference(), blank_targets(self.is_stance)
         stages = FootStages(
@@ -96,22 +90,18 @@ class Locomotion:
             self.sight.flat,
         )
         self._stages = plain(stages)
-        # What the stages go by, in ticks of so long [s].
-        self._rules: tuple[FootRules | None, float] = None, 0.0
+        self.rules = flat_rules(params, model)
         self._forces = np.zeros((4, 3))
         self._since_solution = math.inf
         self._height = self._nominal_height
 
     def tune(self, params: LegControllerParameters) -> None:
         """Go on with other parameters, from the next step."""
-        self._params, self._rules = params, (None, 0.0)
+        self._params, self.rules = params, flat_rules(params, self._model)
         self._nominal_height = self._height_of(params)
         self.gait.tune(params.gait)
-        self.ground.params = params.ground
-        self.reference.tune(params.reference)
-        self.swing_legs.tune(params)
-        self.grip.tune(params.grip, params.mpc.friction)
-        self.step_height.tune(params.gait, params.contact)
+        self.grip.guess = params.mpc.friction
+        self.step_height.tune(params.gait)
         self.mpc.tune(params.mpc)
         self.whole_body.tune(params.whole_body, params.mpc)
         self._tracking.tune(params.whole_body)
@@ -134,7 +124,7 @@ class Locomotion:
         self._height = float(state.base.position[2]) - self.ground.height
         self.schedule = self.gait.state()
         self.is_stance[:], self._feet.is_early[:], self._feet.has_touched[:] = True, False, True
-        self.swing_legs.reset(state.feet)
+        self._feet.lift_off[:] = state.feet
         self.step_height.reset()
         self.sight.reset()
         self.forget_grip()
@@ -226,38 +216,18 @@ class Locomotion:
 
     def _footprint(self) -> np.ndarray:
         """Where feet stand below a base at rest, yaw frame (4, 3) [m]."""
-        return self.swing_legs.nominal * (*self.schedule.footprint, 0.0)
+        return np.asarray(self.rules['nominal'][0] * (*self.schedule.footprint, 0.0))
 
     def _step_feet(
         self, state: RobotState, command: np.ndarray, dt: float
     ) -> tuple[BaseReference, SwingTargets]:
         """Find who stands, on what, and what base and feet in the air shall do."""
-        legs, schedule = self.swing_legs, plain(self.schedule)
         wanted, targets = self._wanted._replace(yaw_rate=float(command[2])), self._targets
-        aims = FootAims(plain(wanted), plain(targets), legs.lift_off, legs.hips, legs.room)
+        aims, stages = (plain(wanted), plain(targets)), (self._stages, self.rules)
         asked = command, self._settle_height(dt), dt, self.gait.is_stepping
-        stages = self._stages, self._rules_of(dt)
-        if step_feet(state.flat, self._flat_feet, schedule, stages, plain(aims), asked):
+        if step_feet(state.flat, self._flat_feet, plain(self.schedule), stages, aims, asked):
             self._since_solution = math.inf
-        legs.aims = self._feet.landing
         return wanted, targets
-
-    def _rules_of(self, dt: float) -> FootRules:
-        """Return `FootRules` for ticks of `dt` [s], plain."""
-        rules, tick = self._rules
-        if rules is None or tick != dt:
-            legs, reference = self.swing_legs, self.reference
-            radius = self._model.geometry.foot_radius
-            rules = FootRules(
-                plain(stance_rule(self._params, radius)),
-                plain(self.ground.rule(dt)),
-                plain(self.grip.rule(dt)),
-                plain(self.step_height.rule(dt)),
-                *(reference.rule, legs.rule, plain(legs.gains)),
-            )
-            rules = plain(rules)
-            self._rules = rules, dt
-        return rules
 
     def _plan_forces(self, state: RobotState, reference: BaseReference, dt: float) -> None:
         """Ask the MPC when its time has come; a foot that has just lifted pushes no more."""

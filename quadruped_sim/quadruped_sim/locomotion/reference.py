@@ -5,13 +5,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from robot_description.morphology.quadruped import Scale
 from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten, plain
-from quadruped_sim.estimation import height_at, Plane
+from quadruped_sim.estimation.ground import height_at, Plane
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.tuning import ReferenceParameters
 
 # Largest correction by the height integral [m], and the velocity error beyond which an error is
 # a push, which does not wind the velocity integral faster [m/s]; both on the Go2.
@@ -52,17 +50,6 @@ class ReferenceState(NamedTuple):
     height: float = math.nan
 
 
-class ReferenceRule(NamedTuple):
-    """Parameters of `Reference`, and what is scaled to the robot."""
-
-    position_leash: float
-    velocity_integral: float
-    velocity_integral_limit: float
-    steady_error: float
-    height_integral: float
-    height_limit: float
-
-
 class Reference:
     """
     Integrates the velocity command into a position and heading that stay near the real ones.
@@ -71,16 +58,8 @@ class Reference:
     remove the steady loss that rolling, slip and model error leave.
     """
 
-    def __init__(self, params: ReferenceParameters, scale: Scale) -> None:
-        self._limits = _STEADY_ERROR * scale.of('m/s'), _HEIGHT_INTEGRAL_LIMIT * scale.of('m')
+    def __init__(self) -> None:
         self.flat = flatten(ReferenceState(np.zeros(2), np.zeros(2)))
-        self.tune(params)
-
-    def tune(self, params: ReferenceParameters) -> None:
-        """Take other gains and limits."""
-        velocity = params.velocity_integral, params.velocity_integral_limit, self._limits[0]
-        height = params.height_integral, self._limits[1]
-        self.rule = flatten(ReferenceRule(params.position_leash, *velocity, *height))
 
     def reset(self, state: RobotState) -> None:
         """Desire the present place and heading, without integrals."""
@@ -95,7 +74,7 @@ class Reference:
 @jit
 def advance(
     flat_own: np.ndarray,
-    flat_rule: np.ndarray,
+    rules: np.ndarray,
     robot: np.ndarray,
     plane: Plane,
     asked: tuple[np.ndarray, float, float, float],
@@ -107,7 +86,7 @@ def advance(
     `asked` are (vx, vy, yaw rate), base axes, how high the base is kept above the plane [m], to
     which it is parallel but for its nose, how far that is up going ahead [rad], and dt [s].
     """
-    own, rule, base = flat_own[0], flat_rule[0], robot[0].base
+    own, rule, base = flat_own[0], rules[0].reference, robot[0].base
     command, height, nose, dt = asked
     wanted = BaseReference(*wanted)
     position, velocity = wanted.position, wanted.velocity
@@ -115,8 +94,11 @@ def advance(
     c, s = math.cos(yaw), math.sin(yaw)
     vx, vy = base.velocity[0], base.velocity[1]
     error = command[0] - c * vx - s * vy, command[1] + s * vx - c * vy
+    steady, limit = _STEADY_ERROR * rules[0].speed, rule.velocity_integral_limit
     for axis in range(2):
-        _integrate(own.velocity_integral, rule, error[axis], axis, dt)
+        part = min(max(error[axis], -steady), steady)
+        total = own.velocity_integral[axis] + dt * rule.velocity_integral * part
+        own.velocity_integral[axis] = min(max(total, -limit), limit)
     vx, vy = command[0] + own.velocity_integral[0], command[1] + own.velocity_integral[1]
     velocity[0], velocity[1] = c * vx - s * vy, s * vx + c * vy
 
@@ -133,7 +115,8 @@ def advance(
 
     level = height_at(plane, base.position[0], base.position[1]) + height
     total = own.height_integral + dt * rule.height_integral * (level - base.position[2])
-    own.height_integral = min(max(total, -rule.height_limit), rule.height_limit)
+    limit = _HEIGHT_INTEGRAL_LIMIT * rules[0].length
+    own.height_integral = min(max(total, -limit), limit)
     gx, gy = plane.gradient[0], plane.gradient[1]
     wanted.rpy[0], wanted.rpy[1] = math.atan(c * gy - s * gx), -math.atan(c * gx + s * gy)
     if command[0] > 0.0:
@@ -143,17 +126,6 @@ def advance(
     rise = 0.0 if math.isnan(own.height) else (height - own.height) / dt
     own.height = height
     velocity[2] = gx * velocity[0] + gy * velocity[1] + rise
-
-
-@jit
-def _integrate(
-    integral: np.ndarray, rule: ReferenceRule, error: float, axis: int, dt: float
-) -> None:
-    """Add an error of velocity [m/s] to its integral."""
-    part = min(max(error, -rule.steady_error), rule.steady_error)
-    total = integral[axis] + dt * rule.velocity_integral * part
-    limit = rule.velocity_integral_limit
-    integral[axis] = min(max(total, -limit), limit)
 
 
 def horizon(

@@ -15,8 +15,7 @@ from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten, view_of
 from quadruped_sim.elevation import Elevation, RESOLUTION
-from quadruped_sim.estimation import height_at, Plane
-from quadruped_sim.estimation.ground import raise_frame
+from quadruped_sim.estimation.ground import height_at, Plane, raise_frame
 from quadruped_sim.locomotion.gait import GaitState
 
 # Cells along a side of the window around the base; how often it is looked at [s].

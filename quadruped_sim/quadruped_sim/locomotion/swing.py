@@ -6,14 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
-from wasd_core.robot_io import GRAVITY
 
-from quadruped_sim.algebra import cross3, flatten, rotate
-from quadruped_sim.estimation import height_at
+from quadruped_sim.algebra import cross3, rotate
+from quadruped_sim.estimation.ground import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import BaseMotion, RobotState
 
 # Share of a swing in which the foot gathers speed, and as much in which it loses it again.
@@ -93,30 +90,9 @@ def swing_point(
     return position, velocity, acceleration
 
 
-class FootholdRule(NamedTuple):
-    """
-    Feet below their hips in the base's yaw frame, (4, 3) [m]; gain [s] and reach [m].
-
-    `fall_time` [s] is sqrt(h / g), by which a body of height h topples. A landing aims so far
-    above the ground's plane [m]: `still` in place, `soft` ahead, `firm` at a fast pace or on rough
-    ground. Feet are balls of `radius` [m], and land at least `apart` [m] on their own side of the
-    one across.
-    """
-
-    nominal: np.ndarray
-    velocity_gain: float
-    reach: float
-    fall_time: float
-    still: float
-    soft: float
-    firm: float
-    radius: float
-    apart: float
-
-
 @jit
 def find_footholds(
-    rule: FootholdRule, base: BaseMotion, reference: BaseReference, schedule: GaitState
+    rules: np.ndarray, base: BaseMotion, reference: BaseReference, schedule: GaitState
 ) -> np.ndarray:
     """
     Landing points of the feet in world axes, shape (4, 3) [m], without their height.
@@ -127,9 +103,9 @@ def find_footholds(
     force that bends the way does not topple the body.
     """
     position, velocity, command = base.position, base.velocity, reference.velocity
-    stance_time, gain, reach = schedule.stance_time, rule.velocity_gain, rule.reach
+    own, rule, stance_time = rules[0], rules[0].foothold, schedule.stance_time
     length, width = schedule.footprint
-    lean = rule.fall_time**2 * reference.yaw_rate
+    lean = own.fall_time**2 * reference.yaw_rate
     feet = np.zeros((4, 3))
     for leg in range(4):
         remaining = (1.0 - schedule.phase[leg]) * schedule.swing_time
@@ -138,20 +114,20 @@ def find_footholds(
         c, s = math.cos(angle), math.sin(angle)
         x = 0.5 * stance_time * (c * velocity[0] - s * velocity[1])
         y = 0.5 * stance_time * (s * velocity[0] + c * velocity[1])
-        x += gain * (velocity[0] - command[0])
-        y += gain * (velocity[1] - command[1])
+        x += rule.velocity_gain * (velocity[0] - command[0])
+        y += rule.velocity_gain * (velocity[1] - command[1])
         angle = reference.yaw_rate * (remaining + 0.5 * stance_time)
         c, s = lean * math.cos(angle), lean * math.sin(angle)
         x += s * velocity[0] + c * velocity[1]
         y += s * velocity[1] - c * velocity[0]
-        share = min(1.0, reach / max(math.sqrt(x * x + y * y), 1e-9))
+        share = min(1.0, rule.reach / max(math.sqrt(x * x + y * y), 1e-9))
         middle = base.rpy[2] + angle
         angle = 0.5 * reference.yaw_rate * remaining
         c, s = remaining * math.cos(angle), remaining * math.sin(angle)
         x = position[0] + c * velocity[0] - s * velocity[1] + share * x
         y = position[1] + s * velocity[0] + c * velocity[1] + share * y
         c, s = math.cos(middle), math.sin(middle)
-        nx, ny = length * rule.nominal[leg, 0], width * rule.nominal[leg, 1]
+        nx, ny = length * own.nominal[leg, 0], width * own.nominal[leg, 1]
         feet[leg, 0], feet[leg, 1] = x + c * nx - s * ny, y + s * nx + c * ny
     return feet
 
@@ -184,7 +160,7 @@ def keep_apart(
 # Where a soft landing in place, one ahead and a firm one aim on the Go2, above the level of feet
 # that bear load [m]. A foot without load touches a little above; one that aims below arrives even
 # if it is lower there. The higher one is softer; in place the robot would stray by it.
-_LANDING = (0.003, 0.005, -0.004)
+_STILL, _SOFT, _FIRM = 0.003, 0.005, -0.004
 
 
 # A foot is lifted up to so far below its hip, and always so far above its ends, on the Go2 [m]. A
@@ -213,54 +189,9 @@ def blank_targets(is_stance: np.ndarray) -> SwingTargets:
     return SwingTargets(np.empty((4, 3)), np.empty((4, 3)), np.empty((4, 3)), is_stance)
 
 
-class SwingGains(NamedTuple):
-    """Acceleration of a foot per error of position [1/s^2] and of velocity [1/s]."""
-
-    position: float
-    velocity: float
-
-
-class SwingLegs:
-    """Leads the feet in the air to their footholds; keeps where they left the ground."""
-
-    def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
-        self._foot_radius = model.geometry.foot_radius
-        self.aims: np.ndarray | None = None  # where feet were to land in the last step, (4, 3) [m]
-        still, soft, firm = (height * model.scale.of('m') for height in _LANDING)
-        self._landing = still, soft, firm
-        self._apart = _APART * model.scale.of('m')
-        self.nominal = model.geometry.hip.copy()
-        self.nominal[:, 1] += model.geometry.offset
-        self.nominal[:, 2] = 0.0
-        self.lift_off = np.zeros((4, 3))
-        self.hips = model.geometry.hip
-        own = model.scale.of
-        self.room = (
-            _ROOM * own('m'),
-            _LEAST * own('m'),
-            _SEEKING[0] * own('m/s'),
-            _SEEKING[1] * own('m'),
-        )
-        self.tune(params)
-
-    def tune(self, params: LegControllerParameters) -> None:
-        """Take other gains and another height of steps."""
-        gains, rule = params.whole_body, params.foothold
-        fall_time = math.sqrt(params.reference.height / GRAVITY)
-        reach = rule.velocity_gain, rule.reach, fall_time
-        self.rule = flatten(
-            FootholdRule(self.nominal, *reach, *self._landing, self._foot_radius, self._apart)
-        )
-        self.gains = SwingGains(gains.swing_position_gain, gains.swing_velocity_gain)
-
-    def reset(self, feet: np.ndarray) -> None:
-        """Take the present feet (4, 3), world, as lift-off points."""
-        self.lift_off[:] = feet
-
-
 @jit
 def find_landing(
-    rule: np.ndarray,
+    rules: np.ndarray,
     robot: np.ndarray,
     ground: np.ndarray,
     asked: tuple[GaitState, BaseReference, float],
@@ -272,18 +203,20 @@ def find_landing(
     `asked` are the schedule, with the feet that do stand, the base's reference, and how firmly
     the feet are set.
     """
-    own, state, plane = rule[0], robot[0], ground[0]
+    own, state, plane = rules[0], robot[0], ground[0]
     schedule, reference, firmness = GaitState(*asked[0]), BaseReference(*asked[1]), asked[2]
-    feet = find_footholds(own, state.base, reference, schedule)
+    feet = find_footholds(rules, state.base, reference, schedule)
     speed = math.hypot(reference.velocity[0], reference.velocity[1])
-    share = min(speed * own.fall_time / own.apart, 1.0)  # 1 from 0.45 m/s on, on the Go2
-    soft = own.still + share * (own.soft - own.still)
-    above = own.radius + soft + firmness * (own.firm - soft)
+    still, soft, firm = _STILL * own.length, _SOFT * own.length, _FIRM * own.length
+    apart = _APART * own.length
+    share = min(speed * own.fall_time / apart, 1.0)  # 1 from 0.45 m/s on, on the Go2
+    soft = still + share * (soft - still)
+    above = own.geometry.foot_radius + soft + firmness * (firm - soft)
     for leg in range(4):
         for k in range(2):
             landing[leg, k] = feet[leg, k]
         landing[leg, 2] = height_at(plane, feet[leg, 0], feet[leg, 1]) + above
-    keep_apart(landing, state.feet, schedule.is_stance, state.base.rpy[2], own.apart)
+    keep_apart(landing, state.feet, schedule.is_stance, state.base.rpy[2], apart)
 
 
 def foot_velocities(state: RobotState) -> np.ndarray:
@@ -310,16 +243,12 @@ class FootPaths(NamedTuple):
     Where the feet left the ground and will land, both (4, 3), the heights of their steps (4,) [m].
 
     `arrivals` (4,) are the shares of a swing after which they are above where they land.
-    `hips` (4, 3) are in base axes; `room` is kept below them, and above both ends [m], and ground
-    that is missing is sought so fast [m/s] and so deep [m].
     """
 
     lift_off: np.ndarray
     landing: np.ndarray
     heights: np.ndarray
     arrivals: np.ndarray
-    hips: np.ndarray
-    room: tuple[float, float, float, float]
 
 
 @jit
@@ -336,17 +265,18 @@ def lead(
     robot: np.ndarray,
     paths: FootPaths,
     schedule: GaitState,
-    by: tuple[SwingGains, np.ndarray],
+    by: tuple[np.ndarray, np.ndarray],
     targets: SwingTargets,
 ) -> None:
     """
     Write the targets of the feet in the air; those that stand stay where they are.
 
-    They are led `by` gains; those that have `sought` the ground for some time, (4,) [s], on down.
+    They are led `by` rules; those that have `sought` the ground for some time, (4,) [s], on down.
     """
-    lift_off, landing, heights, arrivals, hips, room = paths
+    lift_off, landing, heights, arrivals = paths
     schedule, targets = GaitState(*schedule), SwingTargets(*targets)
-    gains, sought = SwingGains(*by[0]), by[1]
+    own, gains, sought = by[0][0], by[0][0].whole_body, by[1]
+    room, seeking, deepest = _ROOM * own.length, _SEEKING[0] * own.speed, _SEEKING[1] * own.length
     position, velocity, acceleration = targets.position, targets.velocity, targets.acceleration
     moves, feet, base = _foot_velocities(robot), robot[0].feet, robot[0].base
     for leg in range(4):
@@ -358,21 +288,21 @@ def lead(
         start, end = lift_off[leg], landing[leg]
         ends, x, y = max(start[2], end[2]), 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
         top = min(
-            headroom(base, hips[leg], x, y, room[0]),
-            headroom(base, hips[leg], feet[leg, 0], feet[leg, 1], room[0]),
+            headroom(base, own.geometry.hip[leg], x, y, room),
+            headroom(base, own.geometry.hip[leg], feet[leg, 0], feet[leg, 1], room),
         )
-        rise = min(heights[leg], max(top - ends, room[1]))
+        rise = min(heights[leg], max(top - ends, _LEAST * own.length))
         p, v, a = swing_point(start, end, rise, phase, schedule.swing_time, arrivals[leg])
         if sought[leg] > 0.0:
             for k in range(3):
                 p[k], v[k], a[k] = start[k], 0.0, 0.0
-            depth = room[2] * sought[leg]
-            p[2] -= min(depth, room[3])
-            v[2] = -room[2] if depth < room[3] else 0.0
+            depth = seeking * sought[leg]
+            p[2] -= min(depth, deepest)
+            v[2] = -seeking if depth < deepest else 0.0
         for k in range(3):
             position[leg, k], velocity[leg, k] = p[k], v[k]
             acceleration[leg, k] = (
                 a[k]
-                + gains.position * (p[k] - feet[leg, k])
-                + gains.velocity * (v[k] - moves[leg, k])
+                + gains.swing_position_gain * (p[k] - feet[leg, k])
+                + gains.swing_velocity_gain * (v[k] - moves[leg, k])
             )

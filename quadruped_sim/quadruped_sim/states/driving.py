@@ -13,8 +13,8 @@ from wasd_core.rotations import rotation_vector, rpy_matrix
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.keys import Sticks
 from quadruped_sim.leg_kinematics import all_leg_angles, foot_positions
-from quadruped_sim.locomotion import Locomotion
 from quadruped_sim.locomotion.feedback import base_acceleration, standing_forces
+from quadruped_sim.locomotion.locomotion import Locomotion
 from quadruped_sim.locomotion.swing import foot_velocities
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters

@@ -152,9 +152,9 @@ class LegsView(RobotView):
     ) -> np.ndarray | None:
         """Return where the feet that swing are to land, beside a robot that is there."""
         locomotion = self._controller.locomotion
-        if not locomotion.gait.is_stepping or locomotion.swing_legs.aims is None:
+        if not locomotion.gait.is_stepping:
             return None
-        aims = locomotion.swing_legs.aims[~locomotion.is_stance]
+        aims = locomotion.landing[~locomotion.is_stance]
         # They are where the controller believes the ground to be; its error is the same as ours.
         return np.asarray((aims - robot.base.position) @ robot.base.R @ rotation.T + place)
 
@@ -176,12 +176,12 @@ class LegsView(RobotView):
             return None
         x, y, _ = odometry.position.tolist()
         yaw = yaw_of(odometry.orientation)
-        locomotion, aims = controller.locomotion, controller.locomotion.swing_legs.aims
+        locomotion = controller.locomotion
         is_landing = ~locomotion.is_stance & locomotion.gait.is_stepping
         return self._shown._replace(
             pose=PlanarPose(x, y, yaw),
             feet=robot.feet[:, :2].copy(),
-            footholds=np.empty((0, 2)) if aims is None else aims[is_landing, :2],
+            footholds=locomotion.landing[is_landing, :2],
         )
 
     def _count_cloud(self, elevation: ElevationMap, now: float) -> None:
