@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import InvalidParameter, parameter, Parameters
 
 # The largest priority of twist_mux: no source can have more than the e-stop.
 HIGHEST_PRIORITY = 255
@@ -16,7 +16,7 @@ LONGEST_TIMEOUT = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class MuxInput:
+class MuxInput(Parameters):
     """
     A source of velocities, or a lock, as twist_mux's tables describe it.
 
@@ -27,24 +27,19 @@ class MuxInput:
         InvalidParameter: a field has a value that it cannot have.
     """
 
-    name: str
-    topic: str
-    timeout: float = 0.0
-    priority: int = 0
+    name: str = parameter('', doc='')
+    topic: str = parameter('', doc='')
+    timeout: float = parameter(0.0, doc='', unit='s', minimum=0.0, maximum=LONGEST_TIMEOUT)
+    priority: int = parameter(0, doc='', minimum=0, maximum=HIGHEST_PRIORITY)
 
     def __post_init__(self) -> None:
         """Check the fields."""
+        try:
+            super().__post_init__()
+        except InvalidParameter as error:
+            raise InvalidParameter(f'{self.name}.{error}') from None
         if not self.topic:
             raise InvalidParameter(f'{self.name}.topic must not be empty')
-        if not 0.0 <= self.timeout <= LONGEST_TIMEOUT:
-            raise InvalidParameter(
-                f'{self.name}.timeout must be >= 0 and <= {LONGEST_TIMEOUT:g} s, '
-                f'got {self.timeout!r}'
-            )
-        if not 0 <= self.priority <= HIGHEST_PRIORITY:
-            raise InvalidParameter(
-                f'{self.name}.priority must be 0 .. {HIGHEST_PRIORITY}, got {self.priority!r}'
-            )
 
 
 # twist_mux's own tables.

@@ -192,9 +192,7 @@ class TwistMuxNode(Node):
         timeout = declare('timeout', row.timeout, times, dynamic_typing=True)
         ranks = f' (0 .. {HIGHEST_PRIORITY})'
         priority = declare('priority', row.priority, ranks, dynamic_typing=True)
-        return dataclasses.replace(
-            row, topic=topic, **_checked(timeout=timeout, priority=priority)
-        )
+        return dataclasses.replace(row, topic=topic, timeout=timeout, priority=priority)
 
     def _on_settings(self, changed: MuxParameters) -> None:
         self._settings = changed
@@ -206,23 +204,13 @@ class TwistMuxNode(Node):
                 words = change.name.split('.')
                 if len(words) == 3 and words[0] in tables and words[1] in tables[words[0]]:
                     row = tables[words[0]][words[1]]
-                    value = _checked(**{words[2]: change.value})
-                    tables[words[0]][words[1]] = dataclasses.replace(row, **value)
+                    changed = dataclasses.replace(row, **{words[2]: change.value})
+                    tables[words[0]][words[1]] = changed
         except (InvalidParameter, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._tables = {name: list(rows.values()) for name, rows in tables.items()}
         self.mux.configure(self._tables['topics'], self._tables['locks'])
         return SetParametersResult(successful=True)
-
-
-def _checked(**values: Any) -> dict[str, Any]:
-    """Return the numbers of a row under their right type."""
-    for name, value in values.items():
-        if name == 'priority' and type(value) is not int:
-            raise InvalidParameter(f'priority must be a whole number, got {value!r}')
-        if name == 'timeout' and type(value) not in (int, float):
-            raise InvalidParameter(f'timeout must be a number, got {value!r}')
-    return {name: float(v) if name == 'timeout' else v for name, v in values.items()}
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -169,13 +169,13 @@ def test_tables_are_twist_muxs_parameters(spawn):
     assert node.mux.offer('nav', 0.1)
     (result,) = node.set_parameters([Parameter('topics.nav.priority', value=300)])
     assert not result.successful
-    assert 'priority must be 0 .. 255' in result.reason
+    assert 'nav.priority must be >= 0 and <= 255, got 300' in result.reason
     (result,) = node.set_parameters([Parameter('topics.nav.topic', value='other')])
     assert not result.successful
 
 
 def test_a_wrong_table_is_named(spawn):
-    with pytest.raises(InvalidParameter, match=r'priority must be a whole number, got 1\.5'):
+    with pytest.raises(InvalidParameter, match=r'web.priority must be a int, got float 1\.5'):
         TwistMuxNode(
             parameter_overrides=[
                 Parameter('topics.web.topic', value='web_vel'),
