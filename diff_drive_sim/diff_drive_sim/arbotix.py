@@ -275,10 +275,6 @@ class LegacyController:
         self._new_age = None
         self.host.command(0.0, 0.0, self._now)
 
-    def reset_odometry(self) -> None:
-        """Be at the origin, the robot going on as it does."""
-        self.host.x = self.host.y = self.host.yaw = 0.0
-
     def set_odometry(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
         """Be at a pose [m], [rad]; arbotix knows no covariance."""
         self.host.x, self.host.y, self.host.yaw = x, y, yaw

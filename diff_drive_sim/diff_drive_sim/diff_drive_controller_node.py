@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The diff-drive controller on ROS: cmd_vel in, odom and joint commands out."""
 
-import dataclasses
 import math
 import sys
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -28,7 +27,7 @@ from wasd_core.messages import (
     to_seconds,
 )
 from wasd_core.node import run_node
-from wasd_core.parameters import outward_name
+from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import Beat, judge_stamp
@@ -50,20 +49,13 @@ from diff_drive_sim.controller_file import (
 )
 from diff_drive_sim.drive import Controller, DiffDrive
 from diff_drive_sim.messages import from_pose, to_twist_stamped
-from diff_drive_sim.odometry import DiffDriveError
+from diff_drive_sim.odometry import DiffDriveError, PlanarCovariance
 from diff_drive_sim.parameters import diff_drive_controller, DiffDriveParameters
 
 
-class GivenParameters(NamedTuple):
-    """Defaults with a file's values in them, and the controller's name."""
-
-    defaults: DiffDriveParameters
-    name: str
-
-
-def read_given(node: Node, file: ControllerFile | None = None) -> GivenParameters:
+def read_given(node: Node, file: ControllerFile | None = None) -> ControllerFile:
     """
-    Read the file that the parameter `controller` names, unless its content is given.
+    Read the file that the parameter `controller` names, if any, unless its content is given.
 
     What ROS was given comes before the file, under the names of this node. What means nothing
     here is said once, and taken out: what stays is declared.
@@ -84,23 +76,18 @@ def read_given(node: Node, file: ControllerFile | None = None) -> GivenParameter
             del overrides[name]
         elif not _is_known(node, name):
             del overrides[name]
-            hint = did_you_mean(name, [*_known_names(), *ALIASES])
+            hint = did_you_mean(name, [*known_parameters(DiffDriveParameters), *ALIASES])
             node.get_logger().warning(visible(f'unknown parameter {name!r}{hint}: ignored'))
     path = overrides['controller'].value if 'controller' in overrides else ''
     if file is None and isinstance(path, str) and path:
         file = read_controller_file(path)
-    _say_unused(node, unused | set(() if file is None else file.unused))
-    if file is None:
-        return GivenParameters(DiffDriveParameters(), '')
-    return GivenParameters(file.parameters, file.name)
-
-
-def _known_names() -> set[str]:
-    return {outward_name(field) for field in dataclasses.fields(DiffDriveParameters)}
+    file = file or ControllerFile({}, DiffDriveParameters(), '', ())
+    _say_unused(node, unused | {*file.unused})
+    return file
 
 
 def _is_known(node: Node, name: str) -> bool:
-    declared = name in _known_names() or node.has_parameter(name)
+    declared = name in known_parameters(DiffDriveParameters) or node.has_parameter(name)
     return declared or name in UNUSED or name.startswith('qos_overrides.')
 
 
@@ -146,7 +133,7 @@ class DiffDriveControllerNode(Node):
             parameter_overrides=parameter_overrides or [],
         )
         given = read_given(self, file)
-        declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.defaults)
+        declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.parameters)
         self._is_alone = unit is None
         self.unit = unit or _load_drive(declared)
         self.unit.configure(declared)
@@ -349,7 +336,7 @@ class DiffDriveControllerNode(Node):
     def _on_reset_odometry(
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        self.controller.reset_odometry()
+        self.controller.set_odometry(0.0, 0.0, 0.0, PlanarCovariance())
         response.success = True
         response.message = f'odometry is at the origin of {self.settings.odom_frame_id}'
         return response

@@ -92,10 +92,6 @@ class DiffDriveController:
         self._command_age.reset()
         self._is_new = False
 
-    def reset_odometry(self) -> None:
-        """Be at the origin, the robot going on as it does."""
-        self.odometry.set_pose(0.0, 0.0, 0.0, PlanarCovariance())
-
     def set_odometry(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
         """Be at a pose [m], [rad], the robot going on as it does."""
         self.odometry.set_pose(x, y, yaw, covariance)

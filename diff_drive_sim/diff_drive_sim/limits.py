@@ -71,16 +71,11 @@ class AxisLimits(NamedTuple):
 
     def within(self, strength: Strength) -> 'AxisLimits':
         """Return the limits with no acceleration beyond what motors can do; none stays none."""
-        speed_up, slow_down, speed_up_backward, slow_down_backward = (
+        accelerations = (
             min(limit, most) if math.isfinite(limit) else limit
             for limit, most in zip(self[2:6], (*strength, *strength), strict=True)
         )
-        return self._replace(
-            speed_up=speed_up,
-            slow_down=slow_down,
-            speed_up_backward=speed_up_backward,
-            slow_down_backward=slow_down_backward,
-        )
+        return AxisLimits._make((*self[:2], *accelerations, *self[6:]))
 
     @property
     def has_jerk(self) -> bool:

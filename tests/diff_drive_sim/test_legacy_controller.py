@@ -68,12 +68,10 @@ def test_a_command_that_is_not_finite_is_refused(unit):
     assert setpoints(unit, 0.5) == [(0.002, (0, 0))]
 
 
-def test_odometry_can_be_set_and_reset(unit):
+def test_odometry_can_be_set(unit):
     unit.controller.set_odometry(1.0, 2.0, 0.5, unit.controller.covariance)
     state = unit.controller.odometry_state
     assert (state.x, state.y, state.yaw) == (1.0, 2.0, 0.5)
-    unit.controller.reset_odometry()
-    assert unit.controller.odometry_state.x == 0.0
 
 
 def test_a_time_out_of_zero_never_comes(mbot):
