@@ -24,7 +24,7 @@ import numpy as np
 from unitree_bridge.cdr import Layout
 from unitree_bridge.connection import open_wire
 from unitree_bridge.shapes import LOW_CMD, LOW_STATE
-from unitree_bridge.simulated import ALL_INTO, ALL_OUT, Scene, SimulatedGo2
+from unitree_bridge.simulated import ALL_INTO, ALL_OUT, SimulatedGo2
 from unitree_bridge.topics import Topic
 from unitree_bridge.wire import Wire
 
@@ -141,7 +141,7 @@ def count(domain: int, seconds: float) -> None:
 
 def say_share(domain: int) -> None:
     """Print what the interface costs, alone and with a program, while nothing else is measured."""
-    go2 = SimulatedGo2(Scene(), open_wire(domain, 'lo', ALL_OUT, ALL_INTO), print)
+    go2 = SimulatedGo2(open_wire(domain, 'lo', ALL_OUT, ALL_INTO), print)
     share = Share(go2)
     alone = share.of(lambda: go2.run(lambda: False, go2.world.time + ALONE))
     served = share.of(lambda: serve(go2, domain, 'round_trip', str(SERVED)))
@@ -154,7 +154,7 @@ def main() -> None:
     seconds, domain = float((sys.argv[1:] or ['60'])[0]), int((sys.argv[2:] or ['0'])[0])
     say_share(domain)
     wire = Watched(open_wire(domain, 'lo', ALL_OUT, ALL_INTO))
-    go2 = SimulatedGo2(Scene(), wire, print)
+    go2 = SimulatedGo2(wire, print)
     go2.run(lambda: False, go2.world.time + 1.0)
     began, simulated = time.perf_counter(), go2.world.time
     with subprocess.Popen(

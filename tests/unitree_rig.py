@@ -10,7 +10,7 @@ import numpy as np
 from unitree_bridge.cdr import decode, encode, Layout
 from unitree_bridge.crc import Checksum
 from unitree_bridge.shapes import LOW_CMD, LOW_STATE, REQUEST, RESPONSE, SPORT_MODE_STATE
-from unitree_bridge.simulated import Scene, SimulatedGo2
+from unitree_bridge.simulated import SimulatedGo2
 
 from unitree_bridge import topics
 
@@ -65,9 +65,8 @@ class Rig:
     """The robot, what it said, and what programs do to it."""
 
     def __init__(self, **options):
-        scene = Scene(**{name: options.pop(name) for name in ('world', 'seed') if name in options})
         self.wire, self.said = TableWire(), []
-        self.go2 = SimulatedGo2(scene, self.wire, self.said.append, speed=0.0, **options)
+        self.go2 = SimulatedGo2(self.wire, self.said.append, speed=0.0, **options)
         self.ids = iter(range(1, 10**9))
 
     def run(self, seconds):

@@ -3,6 +3,7 @@
 
 import argparse
 from collections.abc import Sequence
+import functools
 import sys
 
 from wasd_core.command_line import OneLineParser
@@ -20,7 +21,20 @@ def make_parser() -> argparse.ArgumentParser:
         epilog='Example: unitree_bridge --domain 1 --world rough:0.03',
         allow_abbrev=False,
     )
-    add_options(parser)
+    parser.add_argument(
+        '--domain',
+        type=functools.partial(_whole, most=LAST_DOMAIN),
+        default=0,
+        help="DDS domain: 0 (default), as on the robot, or 1 for unitree_mujoco's programs",
+    )
+    parser.add_argument(
+        '--network', default='lo', help='a loopback interface; no other is used (default: lo)'
+    )
+    parser.add_argument(
+        '--sync',
+        action='store_true',
+        help='physics waits for the LowCmd that answers each LowState',
+    )
     parser.add_argument('--world', default='flat', help='world, as in `wasd go2` (default: flat)')
     parser.add_argument('--seed', type=_whole, default=0, help='seed of all noise (default: 0)')
     parser.add_argument(
@@ -38,33 +52,9 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the interface to a parser."""
-    parser.add_argument(
-        '--domain',
-        type=_domain,
-        default=0,
-        help="DDS domain: 0 (default), as on the robot, or 1 for unitree_mujoco's programs",
-    )
-    parser.add_argument(
-        '--network', default='lo', help='a loopback interface; no other is used (default: lo)'
-    )
-    parser.add_argument(
-        '--sync',
-        action='store_true',
-        help='physics waits for the LowCmd that answers each LowState',
-    )
-
-
-def _domain(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) > LAST_DOMAIN:
-        raise argparse.ArgumentTypeError(f'got {text!r}, wanted 0 to {LAST_DOMAIN}')
-    return int(text)
-
-
-def _whole(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
-        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a whole number >= 0')
+def _whole(text: str, most: int = sys.maxsize) -> int:
+    if not text.isascii() or not text.isdigit() or int(text) > most:
+        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a whole number, 0 to {most}')
     return int(text)
 
 
@@ -99,11 +89,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, stop: StopSignals) -> None:
     # Here, because what simulates takes a second to load.
     from unitree_bridge.connection import open_wire
-    from unitree_bridge.simulated import ALL_INTO, ALL_OUT, Scene, SimulatedGo2
+    from unitree_bridge.simulated import ALL_INTO, ALL_OUT, SimulatedGo2
 
     wire = open_wire(options.domain, options.network, ALL_OUT, ALL_INTO)
-    scene = Scene(world=options.world, seed=options.seed, estimator=options.estimator)
-    go2 = SimulatedGo2(scene, wire, _say, speed=options.speed, is_synced=options.sync)
+    go2 = SimulatedGo2(
+        wire,
+        _say,
+        world=options.world,
+        seed=options.seed,
+        estimator=options.estimator,
+        speed=options.speed,
+        is_synced=options.sync,
+    )
     _say(f'Unitree interface: domain {options.domain} on {options.network}')
     try:
         go2.run(lambda: stop.requested, options.duration)

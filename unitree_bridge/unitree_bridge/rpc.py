@@ -104,12 +104,7 @@ def _read_parameter(text: str) -> Parameters:
 
 
 def number(parameters: Parameters, name: str) -> float:
-    """
-    Return a finite number of a request.
-
-    Raises:
-        Refused: it is none.
-    """
+    """Return a finite number of a request, or raise Refused."""
     value = parameters.get(name)
     try:
         said = float(value) if isinstance(value, (int, float)) else math.nan
@@ -121,12 +116,7 @@ def number(parameters: Parameters, name: str) -> float:
 
 
 def flag(parameters: Parameters, name: str) -> bool:
-    """
-    Return a truth of a request: true, false, 1 or 0.
-
-    Raises:
-        Refused: it is none.
-    """
+    """Return a truth of a request: true, false, 1 or 0; or raise Refused."""
     value = parameters.get(name)
     if value not in (True, False):
         raise Refused(BAD_PARAMETER)
@@ -134,12 +124,7 @@ def flag(parameters: Parameters, name: str) -> bool:
 
 
 def word(parameters: Parameters, name: str) -> str:
-    """
-    Return a text of a request.
-
-    Raises:
-        Refused: it is none.
-    """
+    """Return a text of a request, or raise Refused."""
     value = parameters.get(name)
     if not isinstance(value, str):
         raise Refused(BAD_PARAMETER)

@@ -2,7 +2,6 @@
 """A Go2 of its own with Unitree's interface: world, legs and bridge, without ROS and a page."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 import time
 
 from mujoco_sim.parameters import SimulatorParameters
@@ -26,29 +25,21 @@ ALL_OUT = (*OUT, *topics.LIDAR_OUT)
 ALL_INTO = (*INTO, topics.LIDAR_SWITCH)
 
 
-@dataclass(frozen=True)
-class Scene:
-    """What is simulated: a robot, by name or file, in a world; `seed` is that of all noise."""
-
-    description: str = 'go2'
-    world: str = 'flat'
-    seed: int = 0
-    estimator: str = 'kalman'
-
-
 class SimulatedGo2:
     """
     The robot, stepped 500 times a second of simulated time.
 
-    `say` hears what a user should know, a line each; `inform` that the controller is compiled.
+    `seed` is that of all noise; `say` hears what a user should know, a line each.
     """
 
     def __init__(
         self,
-        scene: Scene,
         wire: Wire,
         say: Callable[[str], None],
         *,
+        world: str = 'flat',
+        seed: int = 0,
+        estimator: str = 'kalman',
         speed: float = 1.0,
         is_synced: bool = False,
     ) -> None:
@@ -56,12 +47,12 @@ class SimulatedGo2:
         Load it.
 
         Raises:
-            UserError: what is wrong with the scene, in one line.
+            UserError: what is wrong with the world, in one line.
         """
-        loaded = load_robot(scene.description)
-        setup = usual_setup(loaded, scene.estimator == 'kalman')
-        self.world = build_world(loaded, scene.world, scene.seed, setup, visuals=True)
-        settings = LegNodeParameters(estimator=scene.estimator)
+        loaded = load_robot('go2')
+        setup = usual_setup(loaded, estimator == 'kalman')
+        self.world = build_world(loaded, world, seed, setup, visuals=True)
+        settings = LegNodeParameters(estimator=estimator)
         self.legs = Legs(loaded, settings, inform=say)
         self.simulation = Simulation(self.world, speed)
         self.robot = LegsRobot(self.legs, self.world, Commands(self._press, self._drive))

@@ -2,6 +2,7 @@
 """The lidar's topics of the Go2, from the one that its description has."""
 
 from collections.abc import Callable
+import contextlib
 from typing import Any
 
 from mujoco_sim.sensors.cloud import POINT
@@ -110,7 +111,9 @@ class LidarTopics:
     def take_switch(self, wire: Wire) -> None:
         """Take what has come to the switch."""
         for raw in wire.take(topics.LIDAR_SWITCH):
-            self._switch(raw)
+            with contextlib.suppress(InvalidMessage):
+                said = decode(STRING, raw)['data']
+                self.is_on = said == 'ON' if said in ('ON', 'OFF') else self.is_on
 
     def _follow_base(self) -> None:
         """Note where the base is, for what is told of clouds."""
@@ -123,14 +126,6 @@ class LidarTopics:
             self._track.add(self._robot.time, odometry.position, odometry.orientation)
         if odometry is not None and is_mapped:
             self._mapper.take_pose(self._robot.time, odometry.position, odometry.orientation)
-
-    def _switch(self, raw: bytes) -> None:
-        try:
-            said = decode(STRING, raw)['data']
-        except InvalidMessage:
-            return
-        if said in ('ON', 'OFF'):
-            self.is_on = said == 'ON'
 
     def _imu(self) -> bytes:
         imu = self._robot.senses().imu
