@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import mujoco
 from mujoco_sim.parameters import Payload, Untold
-from mujoco_sim.robot_parts import lowest_point
 from mujoco_sim.robot_setup import randomise, RobotSetup, usual_setup
 from mujoco_sim.simulation import Simulation, TickStatistics
 from mujoco_sim.world import build_world, World
@@ -24,6 +23,7 @@ from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from robot_description.description import Description, load_robot
 from robot_description.morphology.quadruped import scale_of
+from robot_description.mujoco.builder import lowest_point
 from robot_description.robot import Joint
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.run.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer

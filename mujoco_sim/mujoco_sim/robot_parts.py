@@ -5,6 +5,7 @@ import math
 
 import mujoco
 import numpy as np
+from robot_description.mujoco.builder import lowest_point
 
 from mujoco_sim.robot_setup import RobotSetup
 
@@ -94,26 +95,6 @@ def put_at_start(
     place[2] = setup.height
     if setup.sink < math.inf:
         place[2] += max(0.0, -setup.sink - lowest_point(model, data, parts.root))
-
-
-def lowest_point(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> float:
-    """
-    Return the height of the lowest point of what collides on a robot [m]; inf if nothing does.
-
-    `root` is its first body, `data` holds its pose. Boxes around shapes stand for the shapes,
-    so that it may be a little lower than they are; spheres are taken as they are.
-    """
-    mujoco.mj_kinematics(model, data)
-    geoms = np.flatnonzero(
-        (model.body_rootid[model.geom_bodyid] == root)
-        & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
-    )
-    up = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
-    centre, half = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
-    reach = (np.abs(up) * half).sum(axis=1) - (up * centre).sum(axis=1)
-    is_round = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE
-    reach = np.where(is_round, model.geom_rbound[geoms], reach)
-    return float((data.geom_xpos[geoms, 2] - reach).min(initial=math.inf))
 
 
 def outline_of(

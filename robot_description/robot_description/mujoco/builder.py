@@ -244,16 +244,30 @@ def holding(joint: str) -> str:
 def _hang(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Lift a robot whose feet would be in the floor; what stands on it stays."""
     model = compile_model(spec)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    lowest = 0.0
-    for geom in np.flatnonzero(model.geom_contype):
-        rotation = data.geom_xmat[geom].reshape(3, 3)
-        centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-        bottom = data.geom_xpos[geom] + rotation @ centre - np.abs(rotation) @ half
-        lowest = min(lowest, float(bottom[2]))
+    lowest = lowest_point(model, mujoco.MjData(model))
     if lowest < -CLEARANCE and robot.base != robot.root:
         spec.body(robot.base).pos[2] += CLEARANCE - lowest
+
+
+def lowest_point(model: mujoco.MjModel, data: mujoco.MjData, root: int | None = None) -> float:
+    """
+    Return the height of the lowest point of what collides [m]; inf if nothing does.
+
+    `root` is the first body of the robot that counts, without it all do; `data` holds its pose.
+    Boxes around shapes stand for the shapes, so that it may be a little lower than they are;
+    spheres are taken as they are.
+    """
+    mujoco.mj_kinematics(model, data)
+    collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    if root is not None:
+        collides &= model.body_rootid[model.geom_bodyid] == root
+    geoms = np.flatnonzero(collides)
+    up = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
+    centre, half = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
+    reach = (np.abs(up) * half).sum(axis=1) - (up * centre).sum(axis=1)
+    is_round = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE
+    reach = np.where(is_round, model.geom_rbound[geoms], reach)
+    return float((data.geom_xpos[geoms, 2] - reach).min(initial=np.inf))
 
 
 def add_masses(bodies: Mapping[str, mujoco.MjsBody], robot: Robot) -> None:
