@@ -8,8 +8,8 @@ Nobody has to find out where the robot is: the driver gets the truth, off as a l
 import math
 
 from kinematic import KinematicRobot, RATE, Robot
-from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Site
 import numpy as np
 from robot_description.description import load_robot
 import wasd

@@ -11,9 +11,9 @@ from typing import Any
 
 from environment import alone
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.camera import Camera, Offscreen
 from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
 import numpy as np

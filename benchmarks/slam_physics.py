@@ -4,8 +4,8 @@
 import math
 
 from mujoco_sim.flats import make_flat
-from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 from robot_description.description import load_robot

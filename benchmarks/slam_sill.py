@@ -13,8 +13,8 @@ from typing import Any
 
 from cores import all_on_cores
 from kinematic import ROBOTS
-from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Site
 import numpy as np
 from robot_description.description import load_robot
 from slam_logs import A1, as_matrix

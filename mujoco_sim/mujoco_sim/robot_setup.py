@@ -90,9 +90,7 @@ def usual_setup(
     Without `noise` its sensors tell the truth; motors and delay stay real. `untold` is what the
     controller is not told; what is drawn at random is another's to draw.
     """
-    try:
-        quadruped = description.quadruped
-    except NotAQuadruped:
+    if description.why_no_quadruped:
         robot, drive = description.robot, description.drive
         lowest, held = lowest_point(robot), held_joints(robot, drive)
         return RobotSetup(
@@ -102,6 +100,7 @@ def usual_setup(
             held=held,
             untold=untold,
         )
+    quadruped = description.quadruped
     scale = scale_of(quadruped)
     inertia = REFLECTED_INERTIA * scale.of('kg m^2')
     hips = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)
@@ -151,10 +150,7 @@ def lying_positions(quadruped: Quadruped) -> dict[str, float]:
 
 def foot_links(description: Description) -> tuple[str, ...]:
     """Return the links on which a quadruped stands; none of another robot."""
-    try:
-        return description.quadruped.feet
-    except NotAQuadruped:
-        return ()
+    return () if description.why_no_quadruped else description.quadruped.feet
 
 
 def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) -> mujoco.MjSpec:

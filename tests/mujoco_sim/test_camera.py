@@ -6,8 +6,8 @@ import math
 from descriptions import robot_named
 import mujoco
 from mujoco_sim.scene import add_scene
-from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.camera import Camera, Offscreen
+from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import World
 import numpy as np

@@ -7,8 +7,8 @@ from descriptions import robot_named
 from mujoco_sim.flats import make_flat
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
 import numpy as np

@@ -6,8 +6,8 @@ import math
 from contacts import touched
 from descriptions import robot_named
 from mujoco_sim.parameters import BoxSize
-from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
 import numpy as np

@@ -4,9 +4,10 @@ import io
 import math
 
 from mujoco_sim.parameters import SimulatorParameters
-from mujoco_sim.sensors import camera, SensorTag
+from mujoco_sim.sensors import camera
 from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.table import SensorKind, SENSORS
+from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
 import numpy as np

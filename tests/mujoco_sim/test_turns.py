@@ -3,9 +3,9 @@
 
 import math
 
-from mujoco_sim.viewer import GIVEN_AFTER, Turns
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput
+from mujoco_sim.viewer.turns import GIVEN_AFTER, Turns
 import pytest
 
 

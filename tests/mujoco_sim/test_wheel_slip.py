@@ -3,7 +3,7 @@ import math
 
 from cases import for_all
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensors import Snapshot
+from mujoco_sim.sensors.mount import Snapshot
 from mujoco_sim.sensors.wheel_slip import slip, WheelSlip
 from mujoco_sim.world import build_world
 import numpy as np

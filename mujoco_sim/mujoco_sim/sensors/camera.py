@@ -310,7 +310,7 @@ class Camera:
         return Picture(colours, depths)
 
     def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
-        """Yield the fields of a CameraInfo and of an Image of sensor_msgs for what is wanted."""
+        """Yield the tag's field of each `wanted` topic and its CameraInfo's or Image's fields."""
         for name in ('colour_info_topic', 'depth_info_topic'):
             if name in wanted:
                 yield name, self._lens()

@@ -4,7 +4,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 import math
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from robot_description.description import Description
@@ -14,7 +14,7 @@ from mujoco_sim.parameters import HONEST, IDEAL, SimulatorParameters
 from mujoco_sim.sensors.cloud import CloudTag, idealised
 from mujoco_sim.sensors.lidar import LidarTag, with_model
 from mujoco_sim.sensors.mount import Fields, Mount, Site
-from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS, Turning
+from mujoco_sim.sensors.table import read_sensor_tags, SENSORS
 from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.world import World
 
@@ -103,11 +103,11 @@ class Sensors:
         for index, (beat, one) in enumerate(zip(self._beats, self._sensors, strict=True)):
             before, is_due = beat.number, beat.is_due(now - self._start, one.rate)
             if one.turns:
-                if is_due or cast(Turning, one.sensor).is_turning:
+                if is_due or one.sensor.is_turning:
                     self._turn(index, one, dt, (before, beat.number))
             elif is_due and (wanted := one.wanted()):
-                sensor = cast(Sensor, one.sensor)
-                _tell(now, sensor.measure(wanted, self._random(index, beat.number)), wanted)
+                measured = one.sensor.measure(wanted, self._random(index, beat.number))
+                _tell(now, measured, wanted)
         self._idle_until = self._next_beat()
 
     def rest(self) -> float:
@@ -116,7 +116,7 @@ class Sensors:
 
     def _next_beat(self) -> float:
         """Return a time [s] up to which nothing is due; -infinity while a sensor turns."""
-        if any(one.turns and cast(Turning, one.sensor).is_turning for one in self._sensors):
+        if any(one.turns and one.sensor.is_turning for one in self._sensors):
             return -math.inf
         both = zip(self._beats, self._sensors, strict=True)
         ahead = min(((beat.number + 1) / one.rate for beat, one in both), default=math.inf)
@@ -129,7 +129,7 @@ class Sensors:
         What it has measured is told with the time of its first ray. It turns while somebody
         listens; who comes later waits for the next measurement.
         """
-        sensor, number = cast(Turning, one.sensor), numbers[0]
+        sensor, number = one.sensor, numbers[0]
         whole = sensor.step(dt) if sensor.is_turning else None
         is_new = numbers[1] != number
         if whole is None and not is_new:
@@ -157,7 +157,7 @@ class Sensors:
         self._beats = [Beat() for _ in self._sensors]
         for one in self._sensors:
             if one.turns:
-                cast(Turning, one.sensor).forget()
+                one.sensor.forget()
 
     def tune(self, settings: SimulatorParameters) -> None:
         """Set whether there is noise, and the share of the described size that pictures have."""
@@ -184,7 +184,7 @@ class _SensorTopics:
     def __init__(
         self,
         tag: SensorTag,
-        sensor: Sensor | Turning,
+        sensor: Any,
         topics: dict[str, str],
         mount: Mount,
     ) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kinds of sensors that there are, a row each, and those that a URDF declares."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from robot_description.robot import Robot
 from robot_description.sensor_tags import CAMERA_TYPES, LIDAR_TYPES
@@ -11,41 +11,9 @@ from robot_description.sensor_tags import CAMERA_TYPES, LIDAR_TYPES
 from mujoco_sim.sensors.camera import Camera, read_camera
 from mujoco_sim.sensors.cloud import is_cloud, PointLidar, read_cloud
 from mujoco_sim.sensors.lidar import Lidar, read_lidar
-from mujoco_sim.sensors.mount import Fields, Random, Site
+from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.tags import legal_topic, SensorTag, TagReader
 from robot_description import sensor_tags
-
-
-class Sensor(Protocol):
-    """What measures in one instant; one that turns is a `Turning`."""
-
-    def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
-        """
-        Measure now for the `wanted` topics, names of fields of the tag.
-
-        Yields:
-            The topic's field and what its message says, in the order of publishing.
-        """
-
-
-class Turning(Protocol):
-    """What measures as time goes on: `step` returns what is measured when it is whole."""
-
-    @property
-    def is_turning(self) -> bool:
-        """Whether it measures now."""
-
-    def begin(self, number: int, late: float) -> None:
-        """Begin the measurement of a number, `late` [s] after it should have."""
-
-    def forget(self) -> None:
-        """Break a measurement off."""
-
-    def step(self, dt: float) -> Any:
-        """Measure for `dt` [s]."""
-
-    def measured(self, whole: Any, random: Random) -> Iterator[tuple[str, Fields]]:
-        """Yield the topic's field, and what its message says of what `step` has returned."""
 
 
 class SensorKind(NamedTuple):
@@ -53,14 +21,15 @@ class SensorKind(NamedTuple):
     A row of SENSORS.
 
     `types` are the words of `<sensor type="...">`; `read` makes a tag of one, `build` a sensor of
-    a tag and a site. `topics` has the fields of the tag that name topics, and the type of
-    sensor_msgs that is published there; one that is empty in a tag is not. `takes` tells rows of
-    the same types apart.
+    a tag and a site. `Camera` shows what a sensor has that measures in one instant, `PointLidar`
+    what one has that measures as time goes on, whose tag `turns`. `topics` has the fields of the
+    tag that name topics, and the type of sensor_msgs that is published there; one that is empty in
+    a tag is not. `takes` tells rows of the same types apart.
     """
 
     types: tuple[str, ...]
     read: Callable[[TagReader], SensorTag]
-    build: Callable[[Any, Site], Sensor | Turning]
+    build: Callable[[Any, Site], Any]
     topics: dict[str, str]
     takes: Callable[[TagReader], bool] = lambda reader: True
 

@@ -1,6 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
 """Viewers of a world; of the browsers on a page one drives, and others may ask for control."""
-
-from mujoco_sim.viewer.turns import GIVEN_AFTER, Turns
-
-__all__ = ['GIVEN_AFTER', 'Turns']
