@@ -80,13 +80,19 @@ def test_two_publishers_of_two_types_are_both_heard(make, publish, spawn, spin_u
 
 @pytest.mark.parametrize(('wanted', 'deaf'), [('true', plain), ('false', stamped)])
 def test_one_type_can_be_asked_for(make, publish, spawn, spin_until, wanted, deaf):
-    node = make(stamped=wanted)
+    node, taken = make(stamped=wanted), []
     heard = stamped if wanted == 'true' else plain
+    take = node.cmd_vel.on_velocity
+    node.cmd_vel.on_velocity = lambda velocity, age: (
+        taken.append(velocity[0]),
+        take(velocity, age),
+    )
     spin_until(
         spawn.pump,
         lambda: node.controller.target.linear == 0.2,
         step=lambda: (publish(deaf(0.1)), publish(heard(0.2))),
     )
+    assert set(taken) == {0.2}
 
 
 @pytest.mark.parametrize('message', [plain, stamped])

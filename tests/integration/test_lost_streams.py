@@ -10,23 +10,17 @@ from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
-RUNS = {
-    'mbot': ('mbot', '--speed', '0', '--duration', '2', '--viewer', 'none'),
-    'topics': ('topics',),
-}
+RUN = ('mbot', '--speed', '0', '--duration', '2', '--viewer', 'none')
 
 
 @pytest.mark.parametrize(
     'redirection',
     ['>&-', '2>&-', '<&- >&- 2>&-', '>/dev/full', '>/dev/full 2>/dev/full', '| true'],
 )
-@pytest.mark.parametrize('name', ['mbot'])
-def test_a_run_does_without(
-    environment: dict[str, str], tmp_path: Any, name: str, redirection: str
-) -> None:
+def test_a_run_does_without(environment: dict[str, str], tmp_path: Any, redirection: str) -> None:
     done = subprocess.run(
         ['/bin/bash', '-o', 'pipefail', '-c', f'"$0" -m wasd_bringup.cli "$@" {redirection}',
-         sys.executable, *RUNS[name], '--report', 'report.json'],
+         sys.executable, *RUN, '--report', 'report.json'],
         env=environment, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True,
         timeout=PATIENCE,
     )  # fmt: skip

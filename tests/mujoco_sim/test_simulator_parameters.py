@@ -3,8 +3,8 @@
 
 import os
 import signal
-import threading
 
+from mujoco_sim import simulator_node
 from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_setup import randomise, usual_setup
 from mujoco_sim.simulation import Simulation
@@ -81,8 +81,14 @@ def test_a_rate_between_physics_steps_is_refused(spawn, loaded):
         node.schedule_publishing()
 
 
-def test_as_a_process_it_ends_on_ctrl_c_with_status_0(isolated_ros):
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+def test_as_a_process_it_ends_on_ctrl_c_with_status_0(isolated_ros, monkeypatch):
+    class Interrupted(SimulatorNode):
+        """A simulator whose user presses Ctrl-C once it runs."""
+
+        def publish_diagnostics(self, state):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(simulator_node, 'SimulatorNode', Interrupted)
     assert main([]) == 0
 
 

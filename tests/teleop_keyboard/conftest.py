@@ -226,8 +226,9 @@ class Listener:
 
         wait_until(fulfilled)
 
-    def settle(self, quiet=0.4):
-        """Wait until nothing has come for a while [s]."""
+    def settle(self, keys=0, quiet=0.4):
+        """Wait until so many keys have come, and then nothing for a while [s]."""
+        self.wait_for_keys(keys)
         count, deadline = -1, time.monotonic() + PATIENCE
         while count != len(self.keys) + len(self.twists):
             count = len(self.keys) + len(self.twists)

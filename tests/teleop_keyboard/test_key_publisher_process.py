@@ -48,13 +48,13 @@ def test_keys_arrive_complete_and_in_order_and_idle_costs_nothing(pty_process, l
     for key in repeats:
         process.type(key.encode())
         time.sleep(1 / 30)
-    listener.settle()
+    listener.settle(len(repeats))
     assert ''.join(listener.keys) == repeats
 
     listener.keys.clear()
     burst = (ALPHABET * 2)[:50]
     process.type(burst.encode())
-    listener.settle()
+    listener.settle(len(burst))
     assert ''.join(listener.keys) == burst
 
     listener.keys.clear()
@@ -64,12 +64,12 @@ def test_keys_arrive_complete_and_in_order_and_idle_costs_nothing(pty_process, l
             process.type(key.encode())
             time.sleep(0.005)
         time.sleep(0.1)
-    listener.settle()
+    listener.settle(len(triples))
     assert ''.join(listener.keys) == triples
 
     listener.keys.clear()
     process.type(b'\x1b[A\x1bOB\x1b[C\x1b[D' * 5 + b'\xc3\xa9\x1b[1;2A\x1b')
-    listener.settle()
+    listener.settle(23)
     assert listener.keys == ['UP', 'DOWN', 'RIGHT', 'LEFT'] * 5 + ['é', 'SHIFT+UP', 'ESC']
 
     before, start = processor_time(process.process.pid), time.monotonic()
@@ -82,7 +82,7 @@ def test_raw_publishes_single_characters_as_the_tutorials(pty_process, listener)
     process = pty_process(*MODULE, '--ros-args', '-p', 'raw:=true')
     listener.probe(process)
     process.type(b'w\x1b[A\xc3\xa9\r')
-    listener.settle()
+    listener.settle(6)
     assert listener.keys == ['w', '\x1b', '[', 'A', 'é', '\r']
 
 
@@ -91,7 +91,7 @@ def test_keys_are_saved_as_a_script(pty_process, listener, tmp_path):
     process = pty_process(*MODULE, '--save-keys', str(path))
     listener.probe(process, 'i')
     process.type(b'w \x1b[A*')
-    listener.settle()
+    listener.settle(4)
     process.type(b'\x03')
     assert process.wait() == 0
     presses = parse_key_script(path.read_text())
@@ -176,7 +176,7 @@ def run_without_terminal(**arguments):
 def test_keys_are_read_from_a_pipe_until_it_ends(listener):
     result = run_without_terminal(input='ij\x1b[Aé'.encode())
     assert result.returncode == 0
-    listener.settle()
+    listener.settle(4)
     assert listener.keys == ['i', 'j', 'UP', 'é']
 
 

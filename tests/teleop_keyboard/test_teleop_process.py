@@ -129,6 +129,7 @@ def test_keys_from_a_pipe_have_their_effect_before_the_end(listener):
     )
     assert result.returncode == 0
     assert result.stderr == b''
+    listener.wait_for_twist(lambda velocity: velocity.vx > 0.05)
     listener.settle()
     assert max(velocity.vx for velocity in listener.velocities) > 0.05
     assert listener.stands
