@@ -4,7 +4,6 @@
 import os
 import signal
 
-from mujoco_sim import simulator_node
 from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_setup import randomise, usual_setup
 from mujoco_sim.simulation import Simulation
@@ -15,6 +14,8 @@ from quadruped_sim.parameters import LegNodeParameters
 from rclpy.parameter import Parameter
 from robot_description.description import load_robot
 from wasd_core.errors import UserError
+
+from mujoco_sim import simulator_node
 
 pytestmark = pytest.mark.slow
 
