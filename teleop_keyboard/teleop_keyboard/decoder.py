@@ -169,9 +169,10 @@ class KeyDecoder:
         if piece.key is None:
             self.dropped += 1
             return []
+        ends: list[str] = []
         if piece.place:
-            self._told.press(piece.place, piece.key, piece.event == KITTY_REPEAT)
-        return [piece.key]
+            ends = self._told.press(piece.place, piece.key, piece.event == KITTY_REPEAT)
+        return [*self._if_told(ends), piece.key]
 
     def flush(self) -> list[str]:
         """Return what the waiting bytes mean if nothing follows: ESC, ALT+[, ALT+O or nothing."""

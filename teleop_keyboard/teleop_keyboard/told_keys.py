@@ -39,8 +39,12 @@ class ToldKeys:
         """The keys that are down."""
         return tuple(self._down.values())
 
-    def press(self, place: str, name: str, is_repeat: bool) -> None:
-        """Note a press or a repeat; a press of a key that is down is a repeat, too."""
+    def press(self, place: str, name: str, is_repeat: bool) -> list[str]:
+        """
+        Note a press or a repeat; a press of a key that is down is a repeat, too.
+
+        Where Shift, pressed meanwhile, gives it another name, return the release of the old one.
+        """
         if is_repeat or place in self._down:
             self._note_delay(place)
             self._left = REPEAT_TIMEOUT
@@ -48,10 +52,11 @@ class ToldKeys:
             self._since_press = 0.0
             self._left = self._first_timeout
         self._last = place
-        self._down.pop(place, None)
+        before = self._down.pop(place, name)
         self._down[place] = name
         if len(self._down) > MOST_DOWN:
             del self._down[next(iter(self._down))]
+        return [] if before == name else [with_event(RELEASE, before)]
 
     def release(self, place: str) -> list[str]:
         """Return the event of a release, under the name of the press; none for an unknown one."""

@@ -130,3 +130,12 @@ def test_where_releases_are_not_told_nothing_ends_by_itself():
     assert decoder.give_up() == []
     decoder.feed(b'\x1b[?0u')
     assert decoder.down == ()
+
+
+def test_shift_pressed_while_a_key_is_down_ends_its_first_name():
+    decoder = KeyDecoder()
+    told = []
+    for word in (b'\x1b[?0u', b'\x1b[119;1:1u', b'\x1b[119;2:2;87u', b'\x1b[119;2:3u'):
+        told += decoder.feed(word)
+    assert told == ['w', 'RELEASE+w', 'W', 'RELEASE+W']
+    assert decoder.down == ()

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One keyboard for several robots: no key reaches two, no end of a key reaches the wrong one."""
 
+from teleop_keyboard.decoder import KeyDecoder
 from wasd_bringup.run.run import KeySwitch
+from wasd_core.timing import HELD, with_event
 
 
 def receivers(switch: KeySwitch, keys: str) -> list[int | None]:
@@ -37,3 +39,13 @@ def test_holding_tab_switches_once() -> None:
 def test_a_key_let_go_begins_anew_with_the_robot_of_then() -> None:
     keys = 'HELD+w RELEASE+w TAB HELD+w RELEASE+w'
     assert receivers(KeySwitch(2), keys) == [0, 0, None, 1, 1]
+
+
+def test_a_key_that_shift_renamed_begins_anew_with_the_robot_of_then() -> None:
+    decoder, keys = KeyDecoder(), []
+    pressed, renamed, released = b'\x1b[119;1:1u', b'\x1b[119;2:2;87u', b'\x1b[119;2:3u'
+    for word in (b'\x1b[?0u', pressed, renamed, released, b'\x1b[9;1:1u\x1b[9;1:3u', pressed):
+        keys += decoder.feed(word)
+        keys += [with_event(HELD, key) for key in decoder.down]
+    assert keys[-2:] == ['w', 'HELD+w']
+    assert receivers(KeySwitch(2), ' '.join(keys))[-2:] == [1, 1]
