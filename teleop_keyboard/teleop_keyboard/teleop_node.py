@@ -157,7 +157,7 @@ class Teleop:
         if not self._reader.closed:
             return False
         logic = self.twist.logic
-        is_moving = logic.is_moving and logic.keymap.mode == 'hold'
+        is_moving = logic.is_moving and logic.motion.mode == 'hold'
         return self._reader.terminal is not None or not is_moving
 
     def close(self) -> None:

@@ -135,6 +135,20 @@ def test_keys_from_a_pipe_have_their_effect_before_the_end(listener):
     assert listener.stands
 
 
+@pytest.mark.parametrize('mode', ['latch', 'step'])
+def test_a_pipe_in_a_mode_that_drives_on_ends_with_a_zero(listener, mode):
+    result = subprocess.run(
+        [sys.executable, *MODULE, '--ros-args', '-p', 'preset:=wasd', '-p', f'mode:={mode}'],
+        input=b'w',
+        capture_output=True,
+        start_new_session=True,
+        timeout=PATIENCE,
+    )
+    assert result.returncode == 0
+    listener.settle()
+    assert listener.stands
+
+
 def test_a_wrong_parameter_is_one_line(ros_domain, pty_process):
     process = pty_process(*MODULE, '--ros-args', '-p', 'preset:=mbto')
     assert process.wait() == 2
