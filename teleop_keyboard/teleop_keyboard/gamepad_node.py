@@ -17,6 +17,7 @@ from wasd_core.node import run_node
 from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
+from wasd_core.timing import STOP_KEY
 from wasd_core.topics import AbsenceWatch, EVENTS, LoopbackSubscription, RELIABLE
 
 from teleop_keyboard.gamepad import JoyState, JoyToTwist, JoyTwist, PadKeys, USUAL_CONTROLS
@@ -81,7 +82,7 @@ class GamepadNode(Node):
         self.joy = LoopbackSubscription(
             self, Joy, 'joy', self._on_joy, is_stale=self._absence.is_stale
         )
-        self._is_known = False
+        self._is_known = self._was_disarmed = False
         self._problem = ''
         self._looked_at = time.monotonic()
         self._has_looked, self._is_closed = threading.Event(), False
@@ -101,8 +102,11 @@ class GamepadNode(Node):
         self._looked_at = now
         if told.states and not self._is_known:
             self._welcome()
+        self._was_disarmed = False
         for state in told.states:
-            self._tell(state)
+            # What the pad told before it was let go drives no more.
+            if not self._was_disarmed:
+                self._tell(state)
         if told.is_lost:
             self._forget()
             self._output.say('gamepad lost: stopped')
@@ -125,6 +129,7 @@ class GamepadNode(Node):
 
     def disarm(self) -> None:
         """Stop, and ignore what is held, on whatever machine, until it is released."""
+        self._was_disarmed = True
         # Axes that need no button are held by the logic, which must see when they are at rest.
         self.gamepad.pad.let_go(axes=self.logic.parameters.require_enable_button)
         velocity = self.logic.disarm()
@@ -183,16 +188,19 @@ class GamepadNode(Node):
     def _tell(self, state: JoyState) -> None:
         message = to_joy(state, self.get_clock().now().to_msg())
         self.joy.expect(message)
+        self._joy.publish(message)  # first: a key may let go of the pad, which is told, too
         self._on_joy(message)
-        self._joy.publish(message)
 
     def _on_joy(self, message: Joy) -> None:
         state = from_joy(message)
-        for key in self._keys.step(state):
-            self._output.press(key)
+        # Before the keys: what one of them stops is to stand.
         velocity = self.logic.step(state)
         if velocity is not None:
             self._output.drive(velocity)
+        for key in self._keys.step(state):
+            if key == STOP_KEY:
+                self.disarm()
+            self._output.press(key)
 
     def _welcome(self) -> None:
         self._is_known = True

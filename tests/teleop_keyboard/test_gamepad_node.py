@@ -17,7 +17,7 @@ from wasd_core.errors import UserError
 
 pytestmark = pytest.mark.slow
 
-L1, START = 4, 7
+L1, B, START = 4, 1, 7
 
 
 @pytest.fixture
@@ -93,6 +93,31 @@ def test_what_is_held_over_a_disarm_drives_after_it_was_let_go(node, pipe, taker
     pipe.release(L1)
     drive(node, pipe)
     assert taker.velocities[-1] == JoyTwist(vx=0.6)
+
+
+def test_the_button_that_stops_lets_go_of_what_is_held_and_joy_ends_with_that(
+    node, spawn, spin_until, pipe, taker
+):
+    peer, told = spawn(rclpy.create_node('peer')), []
+    peer.create_subscription(Joy, 'joy', told.append, 10)
+    spin_until(spawn.pump, lambda: node.count_subscribers('joy') > 1)
+    node.take_preset('mbot')
+    drive(node, pipe)
+    assert taker.velocities[-1] == JoyTwist(vx=0.3)
+    pipe.press(B)
+    pipe.push(1, -0.9)  # before the next look
+    node.look()
+    assert taker.velocities[-1] == JoyTwist()
+    assert taker.keys == ['STOP']
+    spin_until(spawn.pump, lambda: any(message.buttons[B] for message in told))
+    spin_until(spawn.pump, lambda: not any(told[-1].buttons))
+    assert told[-2].buttons[B]
+    pipe.press(L1)
+    node.look()
+    assert taker.velocities[-1] == JoyTwist()
+    pipe.release(L1)
+    drive(node, pipe)
+    assert taker.velocities[-1] == JoyTwist(vx=0.3)
 
 
 def test_what_is_held_on_a_pad_of_another_machine_over_a_disarm_drives_after_it_was_let_go(

@@ -5,12 +5,14 @@ import time
 
 from pads import PipePad
 import pytest
+import rclpy
 from terminals import PATIENCE
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.ros.pad import PadDriver
 from wasd_bringup.run.options import RunOptions
 from wasd_cockpit.link import Order, Stick
+from wasd_core.node import init_ros
 
 pytestmark = pytest.mark.slow
 
@@ -25,11 +27,12 @@ def pipe(tmp_path):
 
 
 @pytest.fixture
-def session_of(ros, pipe):
+def session_of(isolated_ros, pipe):
     """A function that makes a run with the pad, which is plugged in; nothing runs by itself."""
     sessions = []
 
-    def make(robot, preset):
+    def make(robot, preset, *ros):
+        init_ros(ros)
         options = RunOptions(
             robot=robot, description=robot, preset=preset, speed=0.0, gamepad=str(pipe.path)
         )
@@ -40,6 +43,7 @@ def session_of(ros, pipe):
     yield make
     for session in sessions:
         session.close()
+    rclpy.try_shutdown()
 
 
 def run(session, seconds):
@@ -55,9 +59,10 @@ def speed(session):
     return float(session.world.base().planar_velocity[0])
 
 
-@pytest.mark.parametrize('how', ['let go', 'unplugged', 'halted', 'B', 'e-stop'])
+@pytest.mark.parametrize('how', ['let go', 'unplugged', 'halted', 'B', 'ESC', 'e-stop'])
 def test_mbot_drives_while_the_button_is_held_and_stands_after(session_of, pipe, how):
-    session = session_of('mbot', 'mbot')
+    bound = ['--ros-args', '-p', "keys:=['B=ESC']"] if how == 'ESC' else []
+    session = session_of('mbot', 'mbot', *bound)
     run(session, 0.1)
     pipe.push(1, -1.0)
     run(session, 0.2)
@@ -78,7 +83,6 @@ def test_mbot_drives_while_the_button_is_held_and_stands_after(session_of, pipe,
         bridge.step(0.0, 0.0)
         bridge.close()
     else:
-        pipe.release(L1)
         pipe.press(B)
     session._poll(0.0)
     # Commanded in this very look, before any time has passed.
