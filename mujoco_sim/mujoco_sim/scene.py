@@ -312,7 +312,7 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
     try:
         surroundings = mujoco.MjSpec.from_file(str(path))
         surroundings.compile()  # here, where its mistakes are known to be the file's
-        spec.worldbody.add_frame().attach_body(surroundings.worldbody, 'world/', '')
+        spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
     except ValueError as error:
         raise SimulationError(f'{world}: {one_line(error)}') from None
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import mujoco
+from mujoco_sim.parameters import BoxSize
 from mujoco_sim.scene import ROOM_SIZE, WALL_HEIGHT
 from mujoco_sim.world import build_world
 import numpy as np
@@ -97,6 +98,23 @@ def test_what_a_model_file_moves_is_no_part_of_the_robot(loaded, tmp_path):
     assert world.model.nu == alone.model.nu + 2
     assert (world.joint_names, world.motor_names) == (alone.joint_names, alone.motor_names)
     world.step(10)
+
+
+def test_what_is_free_in_a_model_file_falls_and_a_reset_puts_it_back(loaded, tmp_path):
+    path = tmp_path / 'hall.xml'
+    ball = '<body name="ball" pos="3 0 1"><freejoint/><geom size="0.1"/></body>'
+    gate = '<body name="gate" mocap="true" pos="3 2 0"><geom size="0.1"/></body>'
+    path.write_text(MJCF.replace('</worldbody>', f'{ball}{gate}</worldbody>'))
+    world, alone = build_world(loaded, str(path), boxes=[BoxSize()]), build_world(loaded)
+    assert (world.joint_names, world.motor_names) == (alone.joint_names, alone.motor_names)
+    assert world.physics.boxes.put(0, 5.0, 0.0)
+    assert world.model.body('world/gate').mocapid[0] >= 0
+    height = world.data.body('world/ball').xpos
+    world.step(100)
+    assert height[2] == pytest.approx(1.0 - 0.5 * 9.81 * 0.1**2, rel=0.01)
+    np.testing.assert_allclose(world.base().position, alone.base().position, atol=5e-5)
+    world.reset()
+    assert height[2] == 1.0
 
 
 @pytest.mark.filterwarnings('error')
