@@ -134,7 +134,7 @@ class Actuation:
                 self._put_in_force(command)
         if pending and pending[0][0] < last:
             last = pending[0][0]
-        return min((end for end, _ in self._pushes), default=last) if self._pushes else last
+        return min((end for end, _ in self._pushes if end < last), default=last)
 
     def drop_ended(self, tick: int) -> None:
         """Drop the pushes that are over."""

@@ -84,6 +84,15 @@ def test_commands_and_pushes_begin_and_end_as_told_among_long_steps(loaded):
     assert not world.data.xfrc_applied.any()
 
 
+def test_a_push_that_lasts_does_not_hold_up_a_command(loaded):
+    world = build_world(loaded, setup=RobotSetup(command_delay=0.003))
+    world.actuation.allows_long_steps = True
+    world.push((0.0, 0.0, 0.001), 0.1)
+    world.apply(JointCommand(*np.zeros((2, 2)), np.full(2, 0.01), *np.zeros((2, 2))))
+    assert lengths_of_steps(world, 8) == [2, 1, 1, 2, 2]
+    np.testing.assert_array_equal(world.data.ctrl, [0.01, 0.01])
+
+
 def test_a_motor_that_damps_more_than_a_long_step_bears_gets_short_ones(loaded):
     world = build_world(loaded)
     world.actuation.allows_long_steps = True
