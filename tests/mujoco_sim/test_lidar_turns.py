@@ -70,6 +70,17 @@ def test_each_ray_begins_where_the_lidar_is_at_its_time(loaded, room, tag, speed
         assert (np.abs(ranges - stood) < 1e-2).mean() < 0.3
 
 
+def test_a_revolution_begins_where_the_lidar_is_not_where_the_last_one_ended(loaded, room, tag):
+    lidar = Lidar(tag, Site(room, loaded.robot))
+    for number, x, late in ((0, 0.0, 0.0), (1, 0.5, 0.002)):
+        place(room, x, 0.0)
+        lidar.begin(number, late)
+        ranges = lidar.step(0.0)
+        while ranges is None:
+            ranges = lidar.step(0.005)
+    np.testing.assert_allclose(ranges[:11], wall_at(0.5, tag.angles[:11]), atol=2e-4)
+
+
 def test_noise_is_a_share_of_the_range_and_some_rays_are_lost(tag):
     one = replace(tag, noise=0.002, noise_share=0.01, dropouts=0.03, resolution=0.0)
     true = np.linspace(0.15, 5.0, one.samples)

@@ -211,6 +211,7 @@ class Lidar:
     def begin(self, number: int, late: float) -> None:
         """Begin the revolution of a number, which its first ray has done `late` [s] ago."""
         self._count, self._elapsed = 0, late
+        self._before, self._waited = None, 0.0
 
     def forget(self) -> None:
         """Break a revolution off."""
