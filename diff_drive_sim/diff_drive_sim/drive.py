@@ -116,7 +116,7 @@ class DiffDriveController:
         rim = max(linear.forward, linear.backward)
         rim += 0.5 * geometry.wheel_separation * max(angular.forward, angular.backward)
         smallest = min(geometry.left_radius, geometry.right_radius)
-        self.odometry.speed_limit = min(rim / smallest, geometry.speed_limit)
+        self._speed_limit = min(rim / smallest, geometry.speed_limit)
 
     @property
     def target(self) -> Velocity:
@@ -171,6 +171,9 @@ class DiffDriveController:
         `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones; a command
         that has come since those came `late` [s] before these.
         """
+        # After a limit was lowered the wheels are faster than it for a while: as commanded.
+        commanded = map(abs, self.geometry.wheel_speeds(*self.velocity))
+        self.odometry.speed_limit = max(self._speed_limit, *commanded)
         if self.parameters.open_loop:
             self.odometry.advance(*self.velocity, dt)
         else:

@@ -129,6 +129,25 @@ def test_a_new_limit_acts_on_the_command_in_force(controller):
     assert controller.target == pytest.approx((0.6, 1.2))
 
 
+def test_wheels_that_slow_down_to_new_limits_are_still_believed(geometry):
+    controller = DiffDriveController(geometry, replace(LIMITS, linear_max_velocity=1.0))
+    left = right = 0.0
+    for index in range(1200):
+        if index == 600:
+            controller.parameters = replace(
+                LIMITS, linear_max_velocity=0.1, angular_max_velocity=0.3
+            )
+        controller.command(1.0, 0.0)
+        speeds = controller.step(left, right, DT)
+        left, right = left + speeds[0] * DT, right + speeds[1] * DT
+    assert controller.velocity.linear == pytest.approx(0.1)
+    assert controller.restarts == 0
+    assert controller.odometry_state.x == pytest.approx(0.06 * left, abs=0.01)
+    # Later on these are no wheels that can be: 2.6 rad/s are commanded at most.
+    controller.step(left + 20.0 * DT, right, DT)
+    assert controller.restarts == 1
+
+
 def test_a_reset_in_another_process_gives_no_spike(controller, geometry):
     controller.command(0.5, 0.0)
     left, right = geometry.wheel_speeds(0.5, 0.0)
