@@ -26,6 +26,9 @@ TAKE_TERMINAL = (
     'os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
 )
 
+# Runs a shell's script, its first word, in which "$0" "$@" is Python with the other words.
+SHELL = "import os, sys; os.execvp('sh', ['sh', '-c', sys.argv[1], sys.executable, *sys.argv[2:]])"
+
 
 def start(
     words: Sequence[str | Path], machine: int | None = None, **options: Any

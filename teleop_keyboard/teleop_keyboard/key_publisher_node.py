@@ -177,7 +177,7 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
     """Publish keys as they come until a signal or until no more can come."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    if reader.terminal is None:
+    if reader.keys_can_wait:
         wait_for_subscriber(lambda: node.has_subscriber, stop)
     service = KeyService(node)
     next_service = time.monotonic()

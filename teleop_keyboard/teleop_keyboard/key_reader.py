@@ -110,6 +110,11 @@ class KeyReader:
         ended = self.pipe is not None and self.pipe.closed and self.pipe.was_used
         return self.terminal.closed or ended
 
+    @property
+    def keys_can_wait(self) -> bool:
+        """Whether there are keys of a pipe, or none can come but from there: nobody holds them."""
+        return self.terminal is None or (self.pipe is not None and self.pipe.has_bytes)
+
     def __enter__(self) -> Self:
         """Enter raw mode on the terminal."""
         if self.terminal is not None:

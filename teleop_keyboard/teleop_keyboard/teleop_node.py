@@ -107,7 +107,7 @@ class Teleop:
 
     def run(self, stop: StopSignals, screen: Screen) -> None:
         """Handle keys and messages until a signal or until no more key can come."""
-        if self._reader.terminal is None:
+        if self._reader.keys_can_wait:
             wait_for_subscriber(lambda: self.twist.output.subscriber_count > 0, stop)
         while rclpy.ok() and not (stop.requested or self._is_finished):
             period = SILENT_POLL_PERIOD if self.twist.logic.is_silent else POLL_PERIOD
@@ -156,9 +156,11 @@ class Teleop:
         """Whether no key can come any more and those from a pipe have had their effect."""
         if not self._reader.closed:
             return False
+        terminal = self._reader.terminal
+        if terminal is not None and terminal.closed:
+            return True
         logic = self.twist.logic
-        is_moving = logic.is_moving and logic.motion.mode == 'hold'
-        return self._reader.terminal is not None or not is_moving
+        return not (logic.is_moving and logic.motion.mode == 'hold')
 
     def close(self) -> None:
         """Leave the robot stopped and release the nodes."""

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A terminal in raw mode that is always given back as it was."""
 
+from array import array
 import atexit
 from collections.abc import Callable, Iterator
 import contextlib
+import fcntl
 import io
 import os
 import select
@@ -71,6 +73,13 @@ class Source:
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
         return self._descriptor
+
+    @property
+    def has_bytes(self) -> bool:
+        """Whether there is something to read; the end is nothing."""
+        count = array('i', [0])
+        fcntl.ioctl(self._descriptor, termios.FIONREAD, count)
+        return count[0] > 0
 
     def read(self) -> bytes:
         """Return what is there, at most one buffer, without waiting; b'' for nothing."""

@@ -99,6 +99,13 @@ def test_keys_are_saved_as_a_script(pty_process, listener, tmp_path):
     assert [press.time for press in presses] == sorted(press.time for press in presses)
 
 
+def test_keys_from_a_pipe_beside_a_terminal_wait_for_who_listens(pty_process, listener):
+    process = pty_process('-c', programs.SHELL, 'printf 24 | "$0" "$@"', *MODULE)
+    assert process.wait() == 0
+    listener.settle()
+    assert listener.keys == ['2', '4']
+
+
 def test_a_state_pressed_before_the_controller_listens_waits_and_a_movement_does_not(
     pty_process, late_listener
 ):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import programs
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import ListParameters, SetParameters
@@ -130,6 +131,16 @@ def test_keys_from_a_pipe_have_their_effect_before_the_end(listener):
     assert result.returncode == 0
     assert result.stderr == b''
     listener.wait_for_twist(lambda velocity: velocity.vx > 0.05)
+    listener.settle()
+    assert max(velocity.vx for velocity in listener.velocities) > 0.05
+    assert listener.stands
+
+
+def test_keys_from_a_pipe_beside_a_terminal_have_their_effect_before_the_end(
+    pty_process, listener
+):
+    process = pty_process('-c', programs.SHELL, 'printf iii | "$0" "$@"', *MODULE)
+    assert process.wait() == 0
     listener.settle()
     assert max(velocity.vx for velocity in listener.velocities) > 0.05
     assert listener.stands
