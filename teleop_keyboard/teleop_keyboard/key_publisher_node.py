@@ -10,15 +10,16 @@ import time
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 from wasd_core.command_line import Executable
-from wasd_core.node import init_ros, open_node, run_program
+from wasd_core.errors import UserError
+from wasd_core.node import init_ros, MessagePump, open_node, run_program
 from wasd_core.output_file import OutputFile
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.signals import StopSignals
 from wasd_core.streams import visible
+from wasd_core.timing import STOP_KEY
 from wasd_core.topics import EVENTS, LATCHED
 
 from teleop_keyboard.key_reader import KeyReader, open_key_reader, WaitingKeys
@@ -64,11 +65,18 @@ class KeyPublisherNode(Node):
         self._publisher.publish(message)
 
     def save_to(self, writer: KeyScriptWriter) -> None:
-        """Write every key to a script, in seconds of this node's clock from now on."""
+        """
+        Write every key to a script, in seconds of this node's clock from now on.
+
+        Simulated time that nobody has told yet counts from the first key with a time.
+        """
         start = self.get_clock().now()
 
         def save(message: String) -> None:
-            writer.write(1e-9 * (self.get_clock().now() - start).nanoseconds, message.data)
+            nonlocal start
+            now = self.get_clock().now()
+            start = start if start.nanoseconds else now
+            writer.write(1e-9 * (now - start).nanoseconds, message.data)
 
         self.receivers.append(save)
 
@@ -175,7 +183,7 @@ def wait_for_subscriber(has_subscriber: Callable[[], bool], stop: StopSignals) -
 
 def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -> None:
     """Publish keys as they come until a signal or until no more can come."""
-    executor = SingleThreadedExecutor()
+    executor = MessagePump()
     executor.add_node(node)
     if reader.keys_can_wait:
         wait_for_subscriber(lambda: node.has_subscriber, stop)
@@ -183,13 +191,15 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
     next_service = time.monotonic()
     while rclpy.ok() and not (stop.requested or reader.closed):
         with reader.undisturbed():
-            for key in reader.poll(POLL_PERIOD):
+            keys = reader.poll(POLL_PERIOD)
+            # Simulated time, too, which is to be that of the keys.
+            if keys or time.monotonic() >= next_service:
+                executor.handle()
+                next_service = time.monotonic() + SERVICE_PERIOD
+            for key in keys:
                 service.press(key)
         service.say(reader.take_notice())
         service.step()
-        if time.monotonic() >= next_service:
-            executor.spin_once(timeout_sec=0.0)
-            next_service = time.monotonic() + SERVICE_PERIOD
     if not stop.requested:
         # A pipe has ended with keys that nobody has yet; a signal wants an end at once.
         node.close(LAST_KEYS_TIMEOUT)
@@ -201,7 +211,12 @@ def _publish(args: Sequence[str] | None, stop: StopSignals) -> None:
         open_node(KeyPublisherNode, stop) as node,
     ):
         if writer is not None:
+            if node.raw:
+                raise UserError('--save-keys saves names of keys: leave out raw:=true')
             node.save_to(writer)
+        if reader.terminal is not None:
+            # Suspended, it would not tell what is released.
+            reader.terminal.before_suspend += [lambda: node.publish_key(STOP_KEY), node.close]
         reader.allow_bursts()
         if node.raw:
             reader.set_raw()

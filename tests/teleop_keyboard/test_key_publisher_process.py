@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`key_publisher` as a process on a real pseudo-terminal, with real rclpy on both sides."""
 
+import itertools
 import os
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import time
 
 import programs
 import pytest
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
 from terminals import PATIENCE, wait_until
@@ -99,6 +101,43 @@ def test_keys_are_saved_as_a_script(pty_process, listener, tmp_path):
     assert [press.time for press in presses] == sorted(press.time for press in presses)
 
 
+def test_keys_are_saved_in_simulated_time_from_the_first_on(pty_process, listener, tmp_path):
+    path, message = tmp_path / 'saved.keys', Clock()
+    publisher = listener.node.create_publisher(Clock, '/clock', 10)
+    began = time.monotonic() - 1000.0
+
+    def tick():
+        seconds = time.monotonic() - began
+        message.clock.sec, message.clock.nanosec = int(seconds), int(seconds % 1 * 1e9)
+        publisher.publish(message)
+
+    listener.node.create_timer(0.005, tick)
+    sim_time = ('--ros-args', '-p', 'use_sim_time:=true')
+    process = pty_process(*MODULE, '--save-keys', str(path), *sim_time)
+    listener.probe(process)
+    for key in b'ijijij':
+        process.type(bytes((key,)))
+        time.sleep(0.1)
+    listener.settle()
+    process.type(b'\x03')
+    assert process.wait() == 0
+    times = [press.time for press in parse_key_script(path.read_text())]
+    assert times[0] == 0.0
+    assert times[-1] < PATIENCE
+    gaps = [after - before for before, after in itertools.pairwise(times[-6:])]
+    assert min(gaps) > 0.03
+
+
+def test_ctrl_z_tells_the_robot_to_stop(pty_process, listener):
+    process = pty_process(*MODULE)
+    listener.probe(process)
+    process.type(b'w')
+    listener.wait_for_keys(1)
+    process.type(b'\x1a')
+    listener.wait_for_keys(2)
+    assert listener.keys == ['w', 'STOP']
+
+
 def test_keys_from_a_pipe_beside_a_terminal_wait_for_who_listens(pty_process, listener):
     process = pty_process('-c', programs.SHELL, 'printf 24 | "$0" "$@"', *MODULE)
     assert process.wait() == 0
@@ -137,6 +176,10 @@ def test_with_its_keys_it_shows_the_robots_state(pty_process, late_listener):
     [
         (['--sav'], 'unrecognized arguments: --sav'),
         (['--save-keys', '/nowhere/a.keys'], '/nowhere/a.keys: wanted a file in a folder'),
+        (
+            ['--save-keys', '/dev/null', '--ros-args', '-p', 'raw:=true'],
+            '--save-keys saves names of keys: leave out raw:=true',
+        ),
     ],
 )
 def test_a_wrong_option_is_one_line(pty_process, ros_domain, options, message):
