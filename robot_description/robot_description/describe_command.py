@@ -119,7 +119,7 @@ def _folder(text: str) -> Path:
 
 
 def _expand(options: argparse.Namespace) -> int:
-    from robot_description.xacro import expand_document
+    from robot_description.xacro.session import expand_document
 
     expansion = expand_document(options.path, options.arguments, options.package_path)
     for place, text in expansion.warnings:
@@ -135,8 +135,8 @@ def _expand(options: argparse.Namespace) -> int:
 
 
 def _lint(options: argparse.Namespace) -> int:
-    from robot_description.lint import lint
     from robot_description.lint.rules import Severity
+    from robot_description.lint.session import lint
 
     found = lint(options.path, options.arguments, options.package_path, options.expect)
     if options.json:
@@ -148,8 +148,8 @@ def _lint(options: argparse.Namespace) -> int:
 
 
 def _fix(options: argparse.Namespace) -> int:
-    from robot_description.fix import mend, write_mended
     from robot_description.fix.edits import read_renames
+    from robot_description.fix.mending import mend, write_mended
 
     renames = read_renames(options.rename)
     fixes = mend(options.path, options.arguments, options.package_path, renames, options.only)

@@ -10,7 +10,7 @@ from typing import Any
 
 from wasd_core.errors import DescriptionError
 
-from robot_description.meshes import open_meshes, with_stand_ins
+from robot_description.meshes.opening import open_meshes, with_stand_ins
 from robot_description.meshes.resolver import MeshReport, resolve_meshes
 from robot_description.morphology.equip_wheels import equip_drive, hanging
 from robot_description.morphology.kinds import Kind, name_kind
@@ -24,7 +24,7 @@ from robot_description.morphology.wheels import ANY_WHEELS, Drive, find_drive, W
 from robot_description.packages import description_path
 from robot_description.robot import absurd_size, credible_inertias, impossible_inertias, Robot
 from robot_description.urdf import parse_urdf
-from robot_description.xacro import expand_document
+from robot_description.xacro.session import expand_document
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)

@@ -19,7 +19,7 @@ from wasd_core.topics import LATCHED, SENSOR_DATA, TfBroadcaster
 
 from robot_description.description import Description, read_description
 from robot_description.meshes.files import published_urdf
-from robot_description.morphology import unknown_joint_warning
+from robot_description.morphology.names import unknown_joint_warning
 from robot_description.packages import description_path
 from robot_description.parameters import state_publisher, StatePublisherParameters
 from robot_description.robot import Joint

@@ -12,7 +12,7 @@ from wasd_core.errors import DescriptionError
 from wasd_core.rotations import Origin, rpy_matrix
 from wasd_core.safe_files import check_xml
 
-from robot_description.morphology import hint_at
+from robot_description.morphology.names import hint_at
 from robot_description.robot import (
     Colour,
     GREY,

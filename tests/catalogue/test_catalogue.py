@@ -30,7 +30,7 @@ import numpy as np
 import pytest
 from robot_description.description import read_description
 from robot_description.info import print_info
-from robot_description.lint import lint
+from robot_description.lint.session import lint
 from robot_description.packages import description_path, share_directory
 import wasd
 from wasd_bringup.run import worlds

@@ -38,7 +38,7 @@ MISTAKES = [
 def files(tmp_path: Path) -> None:
     """Write files that are wrong, each in its way."""
     from robot_description.packages import description_path
-    from robot_description.xacro import expand
+    from robot_description.xacro.session import expand
 
     urdf = expand(description_path('go2'))
     held = urdf.replace('name="RR_hip_joint" type="revolute"', 'name="RR_hip_joint" type="fixed"')

@@ -8,7 +8,7 @@ import time
 from cases import for_all
 from diff_drive_sim.controller_file import read_controller_file
 import pytest
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 from teleop_keyboard.keymap_file import load_preset
 from wasd_core.errors import UserError
 

@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from robot_description.packages import description_path, share_directory
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 
 pytestmark = pytest.mark.slow
 

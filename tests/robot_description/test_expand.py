@@ -6,7 +6,7 @@ import sys
 from cases import for_all
 import pytest
 from robot_description.packages import description_path, share_directory
-from robot_description.xacro import expand, expand_document
+from robot_description.xacro.session import expand, expand_document
 from wasd_core.errors import DescriptionError, PackageNotFound
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
@@ -136,8 +136,8 @@ class Ament(types.ModuleType):
         raise AssertionError('asked for ' + name)
 for name in ('ament_index_python', 'ament_index_python.packages'):
     sys.modules[name] = Ament(name) if sys.argv[1] == 'with' else None
-from robot_description.xacro import expand
-from robot_description.xacro import expand_document
+from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 from robot_description.packages import description_path
 for name in ('go2', 'mbot'):
     print(expand(description_path(name)))

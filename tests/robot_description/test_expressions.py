@@ -7,8 +7,9 @@ import threading
 
 from cases import for_all
 import pytest
-from robot_description.xacro import expand, expand_document, sandbox
+from robot_description.xacro import sandbox
 from robot_description.xacro.sandbox import evaluate
+from robot_description.xacro.session import expand, expand_document
 from wasd_core.errors import DescriptionError
 import xacro
 

@@ -4,10 +4,10 @@ import shutil
 
 import pytest
 from robot_description.describe_command import main, MENDABLE
-from robot_description.fix import FIXES, mend
-from robot_description.lint import lint
+from robot_description.fix.mending import FIXES, mend
+from robot_description.lint.session import lint
 from robot_description.urdf import parse_urdf
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 from wasd_core.errors import DescriptionError
 
 # Each mends by expanding several times.

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 from robot_description.describe_command import main
-from robot_description.lint import lint
+from robot_description.lint.session import lint
 
 FIXTURES = Path(__file__).parent / 'fixtures'
 

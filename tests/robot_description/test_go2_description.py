@@ -13,7 +13,7 @@ import pytest
 from robot_description.mujoco.builder import REFLECTED_INERTIA, to_mujoco
 from robot_description.packages import description_path, share_directory
 from robot_description.urdf import parse_urdf
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 PARTS = ('hip', 'thigh', 'calf')

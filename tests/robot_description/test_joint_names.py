@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from cases import for_all
-from robot_description.morphology import guess_name, sides, unknown_joint_warning
+from robot_description.morphology.names import guess_name, sides, unknown_joint_warning
 
 WHEELS = ('left_wheel_joint', 'right_wheel_joint', 'front_caster_joint')
 LEGS = tuple(f'{leg}_{part}_joint' for leg in ('FL', 'FR', 'RL', 'RR') for part in ('hip', 'calf'))

@@ -9,8 +9,8 @@ import re
 from cases import for_all
 import pytest
 from robot_description.describe_command import main
-from robot_description.lint import lint
 from robot_description.lint.rules import RULES, Severity
+from robot_description.lint.session import lint
 from robot_description.packages import share_directory
 
 FIXTURES = Path(__file__).parent / 'fixtures'

@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 from cases import for_all
 import pytest
 from robot_description.describe_command import main
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 from wasd_core.errors import DescriptionError
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
@@ -224,7 +224,7 @@ READER = """
 import json, os, pathlib, resource, sys
 from wasd_core.errors import DescriptionError
 from robot_description.xacro import sandbox
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 from robot_description.urdf import parse_urdf
 sandbox.CPU = float(sys.argv[1])
 for line in sys.stdin:

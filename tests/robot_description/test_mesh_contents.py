@@ -11,7 +11,7 @@ import numpy as np
 import PIL.Image
 import pytest
 from robot_description.description import load_robot
-from robot_description.lint import lint
+from robot_description.lint.session import lint
 from robot_description.meshes import load
 from robot_description.meshes.load import load_mesh
 from robot_description.mujoco.builder import compile_model, to_mujoco

@@ -9,8 +9,8 @@ import shutil
 import pytest
 from robot_description.describe_command import main
 from robot_description.description import load_robot
-from robot_description.fix import mend, write_mended
-from robot_description.lint import lint
+from robot_description.fix.mending import mend, write_mended
+from robot_description.lint.session import lint
 from robot_description.packages import installed_folders, share_directory
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ import sys
 from cases import for_all
 import pytest
 from robot_description.packages import EXAMPLE_ROBOT_DATA, OWN_PACKAGE, share_directory
-from robot_description.xacro import expand_document
+from robot_description.xacro.session import expand_document
 from source_trees import PACKAGES, ROOT
 from wasd_core.errors import DescriptionError, PackageNotFound
 

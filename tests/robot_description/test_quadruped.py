@@ -22,7 +22,7 @@ from robot_description.morphology.quadruped import (
 )
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 
 HIPS = {'FL': (0.2, 0.05), 'FR': (0.2, -0.05), 'RL': (-0.2, 0.05), 'RR': (-0.2, -0.05)}
 

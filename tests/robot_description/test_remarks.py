@@ -4,7 +4,7 @@
 from cases import for_all
 import pytest
 from robot_description.description import read_description
-from robot_description.lint import lint
+from robot_description.lint.session import lint
 
 pytestmark = pytest.mark.slow
 

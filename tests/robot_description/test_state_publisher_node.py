@@ -11,7 +11,7 @@ from robot_description.description import read_description
 from robot_description.meshes.files import opened_by_rviz
 from robot_description.packages import description_path, DESCRIPTIONS
 from robot_description.state_publisher_node import main, StatePublisherNode
-from robot_description.xacro import expand
+from robot_description.xacro.session import expand
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from wasd_core.topics import TfBroadcaster

@@ -14,7 +14,7 @@ from wasd_core.safe_files import Place
 from robot_description.fix.workspace import Edit, Workspace
 from robot_description.lint.geometry import find_wheels, FOOTPRINT, swapped_pairs
 from robot_description.lint.model import Element
-from robot_description.morphology import hint_at, OPPOSITE, sides
+from robot_description.morphology.names import hint_at, OPPOSITE, sides
 from robot_description.xacro.source import PREFIX, SourceTag, unprefixed_calls
 
 QUOTES = {'"': '&quot;', "'": '&apos;'}

@@ -10,14 +10,14 @@ from typing import NamedTuple
 from wasd_core.errors import DescriptionError, PackageNotFound
 from wasd_core.safe_files import Place
 
-from robot_description.lint import lint_session
 from robot_description.lint.model import make_model, Model
 from robot_description.lint.rules import Finding
-from robot_description.meshes import open_meshes
+from robot_description.lint.session import lint_session
+from robot_description.meshes.opening import open_meshes
 from robot_description.meshes.resolver import MeshReport, resolve_meshes
 from robot_description.packages import own_folder, PackageFinder
 from robot_description.urdf import parse_urdf
-from robot_description.xacro import Expansion, XacroSession
+from robot_description.xacro.session import Expansion, XacroSession
 from robot_description.xacro.source import parse_source, SourceTag
 
 FIND = re.compile(r'\$\(find\s+([^\s)]+)\s*\)')

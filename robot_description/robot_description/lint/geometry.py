@@ -10,7 +10,7 @@ from wasd_core.rotations import Pose
 
 from robot_description.lint.model import Element, end, Model
 from robot_description.lint.rules import Finding, finding
-from robot_description.morphology import OPPOSITE, part, sides, words
+from robot_description.morphology.names import OPPOSITE, part, sides, words
 from robot_description.morphology.rollers import find_rollers, is_on_leg
 from robot_description.morphology.tyre import imbalance, is_unbalanced
 from robot_description.robot import absurd_size, Robot

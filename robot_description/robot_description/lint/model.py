@@ -11,7 +11,7 @@ from wasd_core.rotations import IDENTITY, Pose, rpy_matrix
 from wasd_core.safe_files import Place
 
 from robot_description.robot import MOVABLE
-from robot_description.xacro import Expansion
+from robot_description.xacro.session import Expansion
 
 MOVING_KINDS = (*MOVABLE, 'floating', 'planar')
 

@@ -12,11 +12,11 @@ from wasd_core.safe_files import LocatedError, Place
 from robot_description.lint import geometry, sensors, structure
 from robot_description.lint.model import make_model, Model
 from robot_description.lint.rules import Finding, finding
-from robot_description.meshes import open_meshes
+from robot_description.meshes.opening import open_meshes
 from robot_description.meshes.resolver import MeshRecord, resolve_meshes, SIZE, UNUSABLE
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
-from robot_description.xacro import XacroSession
+from robot_description.xacro.session import XacroSession
 from robot_description.xacro.source import unprefixed_calls, XACRO_TAGS
 
 CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (

@@ -11,7 +11,7 @@ from wasd_core.safe_files import Place
 
 from robot_description.lint.model import Element, end, Model, MOVING_KINDS
 from robot_description.lint.rules import Finding, finding
-from robot_description.morphology import guess_name, hint_at, sides, words
+from robot_description.morphology.names import guess_name, hint_at, sides, words
 from robot_description.robot import LIMITED, MOVABLE, WORLD_LINK
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.

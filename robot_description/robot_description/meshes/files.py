@@ -10,7 +10,7 @@ import re
 from urllib.parse import unquote
 import xml.etree.ElementTree as ElementTree
 
-from robot_description.morphology import SIDES, words
+from robot_description.morphology.names import SIDES, words
 from robot_description.packages import PACKAGE
 
 # Formats that can be read, the ones that say most about a mesh with least trouble first.
