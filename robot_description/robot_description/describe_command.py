@@ -137,8 +137,10 @@ def _expand(options: argparse.Namespace) -> int:
 def _lint(options: argparse.Namespace) -> int:
     from robot_description.lint.rules import Severity
     from robot_description.lint.session import lint
+    from robot_description.xacro.session import XacroSession
 
-    found = lint(options.path, options.arguments, options.package_path, options.expect)
+    session = XacroSession(options.path, options.arguments, options.package_path)
+    found = lint(session, options.expect)
     if options.json:
         print(json.dumps([one.record() for one in found], indent=2))
     else:

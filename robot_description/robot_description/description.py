@@ -108,10 +108,6 @@ class Description:
         lines = [record.line() for record in self.meshes.repairs]
         return (*lines, *impossible_inertias(self.robot))
 
-    def with_stand_in_masses(self) -> 'Description':
-        """Return the robot with a mass for each link, for a world without physics."""
-        return replace(self, robot=self.robot.with_stand_in_masses())
-
     def record(self) -> dict[str, Any]:
         """Return where the description is from and what was repaired in it, as JSON has it."""
         return {

@@ -117,7 +117,7 @@ def print_info(info: Description) -> None:
     with unguarded(sys.stdout) as file:
         console = Console(file=file, highlight=False)
         if not console.is_terminal:
-            console = Console(file=file, highlight=False, width=WIDTH)
+            console.width = WIDTH
         _print_info(console, info)
 
 

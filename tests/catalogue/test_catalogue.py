@@ -32,6 +32,7 @@ from robot_description.description import read_description
 from robot_description.info import print_info
 from robot_description.lint.session import lint
 from robot_description.packages import description_path, share_directory
+from robot_description.xacro.session import XacroSession
 import wasd
 from wasd_bringup.run import worlds
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
@@ -138,7 +139,7 @@ def test_info_calls_it_what_it_is(row: Row, capsys: pytest.CaptureFixture[str]) 
 
 @for_all('row', [row for row in ROWS if row.lint])
 def test_lint_says_it(row: Row) -> None:
-    findings = '\n'.join(each.line() for each in lint(row.path, row.arguments))
+    findings = '\n'.join(each.line() for each in lint(XacroSession(row.path, row.arguments)))
     for word in row.lint:
         assert word in findings
 

@@ -38,9 +38,9 @@ MISTAKES = [
 def files(tmp_path: Path) -> None:
     """Write files that are wrong, each in its way."""
     from robot_description.packages import description_path
-    from robot_description.xacro.session import expand
+    from robot_description.xacro.session import expand_document
 
-    urdf = expand(description_path('go2'))
+    urdf = expand_document(description_path('go2')).urdf
     held = urdf.replace('name="RR_hip_joint" type="revolute"', 'name="RR_hip_joint" type="fixed"')
     (tmp_path / 'tripod.urdf').write_text(held)
     (tmp_path / 'weak.urdf').write_text(urdf.replace('effort="35.55"', 'effort="0"'))

@@ -8,7 +8,7 @@ import time
 from cases import for_all
 from diff_drive_sim.controller_file import read_controller_file
 import pytest
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 from teleop_keyboard.keymap_file import load_preset
 from wasd_core.errors import UserError
 
@@ -49,7 +49,7 @@ def load_in_xacro(path: str) -> None:
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="p" '
         f'value="${{xacro.load_yaml(\'{path}\')}}"/><link name="${{str(p)[:1]}}"/></robot>'
     )
-    expand(file)
+    expand_document(file)
 
 
 READERS: dict[str, Callable[[str], object]] = {

@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from robot_description.packages import description_path, share_directory
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def resize(tree: ElementTree.Element, length: float, mass: float) -> None:
 
 def shrunk_go2(folder: Path) -> str:
     """Write a Go2 of 70 % of the size and half the mass whose names say nothing."""
-    tree = ElementTree.fromstring(expand(description_path('go2')))
+    tree = ElementTree.fromstring(expand_document(description_path('go2')).urdf)
     resize(tree, *SHRUNK)
     text = ElementTree.tostring(tree, encoding='unicode')
     for old, new in (('"base"', '"torso"'), ('_hip', '_haa'), ('FL_', 'lf_'), ('RR_', 'rh_')):

@@ -6,7 +6,7 @@ import sys
 from cases import for_all
 import pytest
 from robot_description.packages import description_path, share_directory
-from robot_description.xacro.session import expand, expand_document
+from robot_description.xacro.session import expand_document
 from wasd_core.errors import DescriptionError, PackageNotFound
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
@@ -28,7 +28,7 @@ def write(tmp_path):
 def error_of(path, **options):
     """Return the one line that a failing expansion says, without the path it begins with."""
     with pytest.raises(DescriptionError) as caught:
-        expand(path, **options)
+        expand_document(path, **options)
     text = str(caught.value)
     assert '\n' not in text
     assert text.startswith(f'{path}:')
@@ -37,28 +37,28 @@ def error_of(path, **options):
 
 def test_properties_are_evaluated(write):
     path = write('<xacro:property name="a" value="2"/><link name="link_${a*a}"/>')
-    assert '<link name="link_4"/>' in expand(path)
+    assert '<link name="link_4"/>' in expand_document(path).urdf
 
 
 @pytest.mark.slow
 def test_arguments_reach_the_file(write):
     path = write('<xacro:arg name="side" default="left"/><link name="$(arg side)"/>')
-    assert 'name="left"' in expand(path)
-    assert 'name="right"' in expand(path, {'side': 'right'})
+    assert 'name="left"' in expand_document(path).urdf
+    assert 'name="right"' in expand_document(path, {'side': 'right'}).urdf
 
 
 @pytest.mark.slow
 def test_find_answers_from_the_search_path_first(write, tmp_path):
     write('<link name="theirs"/>', 'robot_description/part.xacro')
     path = write('<xacro:include filename="$(find robot_description)/part.xacro"/>')
-    assert 'theirs' in expand(path, search=[tmp_path])
-    assert 'theirs' in expand(path, search=[tmp_path / 'robot_description'])
+    assert 'theirs' in expand_document(path, search=[tmp_path]).urdf
+    assert 'theirs' in expand_document(path, search=[tmp_path / 'robot_description']).urdf
 
 
 def test_find_knows_our_own_packages_without_a_ros(write, monkeypatch):
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     path = write('<link name="$(find robot_description)"/>')
-    assert f'name="{share_directory("robot_description")}"' in expand(path)
+    assert f'name="{share_directory("robot_description")}"' in expand_document(path).urdf
 
 
 def test_find_takes_our_own_packages_from_the_clone_not_from_the_venvs_copy(
@@ -70,7 +70,7 @@ def test_find_takes_our_own_packages_from_the_clone_not_from_the_venvs_copy(
     monkeypatch.setattr('sys.prefix', str(tmp_path))
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
     path = write('<link name="$(find robot_description)"/>')
-    assert f'name="{share_directory("robot_description")}"' in expand(path)
+    assert f'name="{share_directory("robot_description")}"' in expand_document(path).urdf
 
 
 def test_find_asks_the_ament_index(write, tmp_path, monkeypatch):
@@ -79,7 +79,7 @@ def test_find_asks_the_ament_index(write, tmp_path, monkeypatch):
     marker.touch()
     monkeypatch.setenv('AMENT_PREFIX_PATH', f'/nowhere:{tmp_path}')
     assert share_directory('arm') == tmp_path / 'share/arm'
-    assert str(tmp_path / 'share/arm') in expand(write('<link name="$(find arm)"/>'))
+    assert str(tmp_path / 'share/arm') in expand_document(write('<link name="$(find arm)"/>')).urdf
 
 
 def test_find_knows_the_package_around_the_file_and_those_beside_it(write, tmp_path):
@@ -89,7 +89,7 @@ def test_find_knows_the_package_around_the_file_and_those_beside_it(write, tmp_p
         manifest = tmp_path / f'robots/{name}/package.xml'
         manifest.write_text(f'<package><name>{name}</name></package>')
     path = write('<link name="$(find dog) $(find cat)"/>', 'robots/dog/xacro/dog.xacro')
-    assert f'name="{tmp_path}/robots/dog {tmp_path}/robots/cat"' in expand(path)
+    assert f'name="{tmp_path}/robots/dog {tmp_path}/robots/cat"' in expand_document(path).urdf
 
 
 def test_the_package_around_the_file_comes_before_those_beside_it(write, tmp_path):
@@ -98,7 +98,7 @@ def test_the_package_around_the_file_comes_before_those_beside_it(write, tmp_pat
         manifest = tmp_path / folder / 'package.xml'
         manifest.write_text('<package><name>dog</name></package>')
     path = write('<link name="$(find dog)"/>', 'mine/dog.xacro')
-    assert f'name="{tmp_path}/mine"' in expand(path)
+    assert f'name="{tmp_path}/mine"' in expand_document(path).urdf
 
 
 def test_packages_in_the_folder_for_temporary_files_are_strangers(write, tmp_path, monkeypatch):
@@ -114,19 +114,19 @@ def test_packages_in_the_folder_for_temporary_files_are_strangers(write, tmp_pat
 def test_dirname_is_the_folder_of_the_file_it_stands_in(write, tmp_path):
     write('<link name="$(dirname)"/>', 'parts/part.xacro')
     path = write('<xacro:include filename="$(dirname)/parts/part.xacro"/>')
-    assert f'name="{tmp_path}/parts"' in expand(path)
+    assert f'name="{tmp_path}/parts"' in expand_document(path).urdf
 
 
 def test_an_include_may_be_a_pattern(write):
     write('<link name="a"/>', 'parts/a.xacro')
     write('<link name="b"/>', 'parts/b.xacro')
-    text = expand(write('<xacro:include filename="parts/*.xacro"/>'))
+    text = expand_document(write('<xacro:include filename="parts/*.xacro"/>')).urdf
     assert text.index('name="a"') < text.index('name="b"')
 
 
 def test_an_optional_include_may_be_missing(write):
     path = write('<xacro:include filename="nope.xacro" optional="true"/><link name="a"/>')
-    assert '<link name="a"/>' in expand(path)
+    assert '<link name="a"/>' in expand_document(path).urdf
 
 
 EXPAND_WITHOUT_AMENT = """
@@ -136,11 +136,11 @@ class Ament(types.ModuleType):
         raise AssertionError('asked for ' + name)
 for name in ('ament_index_python', 'ament_index_python.packages'):
     sys.modules[name] = Ament(name) if sys.argv[1] == 'with' else None
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 from robot_description.xacro.session import expand_document
 from robot_description.packages import description_path
 for name in ('go2', 'mbot'):
-    print(expand(description_path(name)))
+    print(expand_document(description_path(name)).urdf)
 """
 
 
@@ -234,7 +234,7 @@ def test_a_macro_in_another_file_is_reached_from_this_one(write):
     part = write('<xacro:macro name="m">\n<link name="${nope}"/></xacro:macro>', 'part.xacro')
     path = write('<xacro:include filename="part.xacro"/>\n<xacro:m/>')
     with pytest.raises(DescriptionError) as caught:
-        expand(path)
+        expand_document(path)
     assert str(caught.value).startswith(f"{part}:2: name 'nope' is not defined")
     assert str(caught.value).endswith(f'(reached from {path}:2)')
 
@@ -256,7 +256,7 @@ def test_an_error_in_an_included_file_names_that_file(write, tmp_path):
     part = write('\n\n<link>', 'part.xacro')
     path = write('\n<xacro:include filename="part.xacro"/>')
     with pytest.raises(DescriptionError) as caught:
-        expand(path)
+        expand_document(path)
     assert str(caught.value).startswith(f'{part}:3: not well-formed XML: ')
     assert str(caught.value).endswith(f'(reached from {path}:2)')
 
@@ -271,9 +271,9 @@ def test_a_file_that_is_no_text_is_an_error(tmp_path):
 def test_a_failed_expansion_leaves_the_next_one_alone(write):
     broken = write('<link name="$(find nope)"/>', 'broken.xacro')
     whole = write('<link name="whole"/>', 'whole.xacro')
-    before = expand(whole)
+    before = expand_document(whole).urdf
     error_of(broken)
-    assert expand(whole) == before
+    assert expand_document(whole).urdf == before
 
 
 def test_a_robot_is_found_by_name():

@@ -7,7 +7,7 @@ from robot_description.describe_command import main, MENDABLE
 from robot_description.fix.mending import FIXES, mend
 from robot_description.lint.session import lint
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document, XacroSession
 from wasd_core.errors import DescriptionError
 
 # Each mends by expanding several times.
@@ -55,7 +55,7 @@ def test_the_courses_mbot_gets_its_six_links_and_all_wheels(courses_mbot, tmp_pa
     assert main(['fix', str(courses_mbot), '--output', str(tmp_path / 'out')]) == 0
     written = tmp_path / 'out/mbot_description/urdf/mbot.xacro'
     assert f'written: {written}' in capsys.readouterr().err
-    robot = parse_urdf(expand(written))
+    robot = parse_urdf(expand_document(written).urdf)
     assert len(robot.links) == 6
     assert {joint.name for joint in robot.movable_joints} == {
         *('left_wheel_joint', 'right_wheel_joint', 'front_caster_joint', 'back_caster_joint')
@@ -63,7 +63,7 @@ def test_the_courses_mbot_gets_its_six_links_and_all_wheels(courses_mbot, tmp_pa
     assert robot.joints['left_wheel_joint'].pose.position[1] == pytest.approx(0.19)
     assert robot.joints['front_caster_joint'].pose.position[0] == pytest.approx(0.18)
     assert robot.mass == pytest.approx(1.8)
-    assert not [one.line() for one in lint(written) if one.is_error]
+    assert not [one.line() for one in lint(XacroSession(written)) if one.is_error]
 
 
 @pytest.mark.slow
@@ -126,7 +126,7 @@ def test_left_and_right_exchange_their_y(write, left, right):
     y_left, y_right = left.split(' ', 1)[1].rsplit(' ', 1)[0], right.split(' ', 1)[1]
     assert y_left in text and y_right.strip().rsplit(' ', 1)[0].strip() in text
     path.write_text(text)
-    joints = parse_urdf(expand(path)).joints
+    joints = parse_urdf(expand_document(path).urdf).joints
     assert joints['left_joint'].pose.position[1] == pytest.approx(0.2)
     assert joints['right_joint'].pose.position[1] == pytest.approx(-0.2)
 
@@ -167,10 +167,10 @@ def test_a_footprint_stands_where_the_wheels_do(write):
     text = mended_text(path)
     assert '\n  <link name="base_footprint"/>\n  <joint name="base_footprint_joint"' in text
     path.write_text(text)
-    robot = parse_urdf(expand(path))
+    robot = parse_urdf(expand_document(path).urdf)
     assert robot.root == 'base_footprint'
     assert robot.joints['base_footprint_joint'].pose.position == pytest.approx([0, 0, 0.11])
-    assert lint(path) == []
+    assert lint(XacroSession(path)) == []
 
 
 def test_a_joint_is_renamed_wherever_it_is_named(write):
@@ -195,12 +195,12 @@ def test_joints_that_a_macro_makes_are_renamed_to_arbotix_and_back(courses_mbot)
     path.write_text(path.read_text().replace('</robot>', '<xacro:mbot_base/></robot>'))
     there = {'left_wheel_joint': 'base_l_wheel_joint', 'right_wheel_joint': 'base_r_wheel_joint'}
     path.write_text(mended_text(path, renames=there))
-    joints = parse_urdf(expand(path)).joints
+    joints = parse_urdf(expand_document(path).urdf).joints
     assert set(there.values()) < set(joints)
     assert 'front_caster_joint' in joints
     back = {new: old for old, new in there.items()}
     path.write_text(mended_text(path, renames=back))
-    assert set(there) < set(parse_urdf(expand(path)).joints)
+    assert set(there) < set(parse_urdf(expand_document(path).urdf).joints)
 
 
 @pytest.mark.slow
@@ -210,7 +210,7 @@ def test_a_name_between_single_quotes_is_renamed_in_them(write):
     )
     path = write(f'<xacro:macro name="m" params="side">{made}</xacro:macro><xacro:m side="left"/>')
     path.write_text(mended_text(path, renames={'left_joint': 'l_joint'}))
-    assert 'l_joint' in parse_urdf(expand(path)).joints
+    assert 'l_joint' in parse_urdf(expand_document(path).urdf).joints
 
 
 def test_a_joint_of_another_package_is_not_renamed(tmp_path, capsys):

@@ -7,6 +7,7 @@ import shutil
 import pytest
 from robot_description.describe_command import main
 from robot_description.lint.session import lint
+from robot_description.xacro.session import XacroSession
 
 FIXTURES = Path(__file__).parent / 'fixtures'
 
@@ -21,8 +22,8 @@ def courses_mbot(tmp_path):
 def test_a_file_gets_the_mended_text(tmp_path):
     path = FIXTURES / 'lint/repeated-material.urdf'
     assert main(['fix', str(path), '--output', str(tmp_path / 'mended.urdf')]) == 0
-    assert lint(tmp_path / 'mended.urdf')[0].rule.code == 'robot-name'
-    assert len(lint(tmp_path / 'mended.urdf')) == 1
+    assert lint(XacroSession(tmp_path / 'mended.urdf'))[0].rule.code == 'robot-name'
+    assert len(lint(XacroSession(tmp_path / 'mended.urdf'))) == 1
 
 
 @pytest.mark.slow

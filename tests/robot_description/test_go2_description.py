@@ -13,7 +13,7 @@ import pytest
 from robot_description.mujoco.builder import REFLECTED_INERTIA, to_mujoco
 from robot_description.packages import description_path, share_directory
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 PARTS = ('hip', 'thigh', 'calf')
@@ -130,7 +130,7 @@ def test_every_joint_is_where_unitrees_is_and_turns_as_far(go2, others):
 
 @pytest.mark.slow
 def test_debug_adds_one_link_and_one_joint(go2):
-    hung = parse_urdf(expand(description_path('go2'), {'DEBUG': 'true'}))
+    hung = parse_urdf(expand_document(description_path('go2'), {'DEBUG': 'true'}).urdf)
     assert set(hung.links) - set(go2.links) == {'world'}
     assert set(hung.joints) - set(go2.joints) == {'base_static_joint'}
     assert hung.root == 'world'
@@ -147,7 +147,8 @@ def limits_of(text):
 
 @pytest.mark.slow
 def test_limits_are_those_of_the_flat_urdf_or_of_the_xacro(urdf, others):
-    flat, xacro = limits_of(urdf), limits_of(expand(description_path('go2'), {'limits': 'xacro'}))
+    expansion = expand_document(description_path('go2'), {'limits': 'xacro'})
+    flat, xacro = limits_of(urdf), limits_of(expansion.urdf)
     for name, theirs in limits_of(ElementTree.tostring(others)).items():
         ours = flat[name]
         assert (ours['lower'], ours['upper']) == (theirs['lower'], theirs['upper']), name

@@ -12,6 +12,7 @@ from robot_description.describe_command import main
 from robot_description.lint.rules import RULES, Severity
 from robot_description.lint.session import lint
 from robot_description.packages import share_directory
+from robot_description.xacro.session import XacroSession
 
 FIXTURES = Path(__file__).parent / 'fixtures'
 MBOT = FIXTURES / 'mbot_description/urdf'
@@ -35,7 +36,7 @@ def announced(path):
 
 @for_all('path', FILES)
 def test_it_finds_what_the_fixture_announces_and_nothing_else(path):
-    found = lint(path)
+    found = lint(XacroSession(path))
     files = {path, *(one.place.file for one in found)}
     for file in files:
         here = Counter((one.place.line, one.rule.code) for one in found if one.place.file == file)
@@ -43,7 +44,7 @@ def test_it_finds_what_the_fixture_announces_and_nothing_else(path):
 
 
 def test_a_tag_that_is_misspelt_is_said_with_what_was_meant():
-    found = lint(next(path for path in FILES if path.name == 'tags.urdf'))
+    found = lint(XacroSession(next(path for path in FILES if path.name == 'tags.urdf')))
     assert any('did you mean collision?' in one.message for one in found)
 
 
@@ -67,11 +68,11 @@ def test_our_own_robots_have_no_finding(name, capsys):
      'hyq_description/robots/hyq_no_sensors.urdf', 'talos_data/robots/talos_full_v2.urdf'],
 )  # fmt: skip
 def test_sound_robots_of_others_have_no_finding(robot):
-    assert lint(EXAMPLES / robot) == []
+    assert lint(XacroSession(EXAMPLES / robot)) == []
 
 
 def test_every_finding_is_one_line_with_a_place_and_a_cure():
-    for one in lint(FIXTURES / 'lint/masses.urdf'):
+    for one in lint(XacroSession(FIXTURES / 'lint/masses.urdf')):
         assert re.fullmatch(r'\S+masses\.urdf:\d+: (error|warning): .+; cure: .+', one.line())
 
 
@@ -126,8 +127,8 @@ def test_xacro_arguments_count(tmp_path):
         '<joint name="right_joint" type="fixed"><origin xyz="0 ${-float(xacro.arg(\'y\'))} 0"/>'
         '<parent link="base"/><child link="r"/></joint></robot>'
     )
-    assert lint(path) == []
-    assert [one.rule.code for one in lint(path, {'y': '-0.1'})] == ['swapped-sides']
+    assert lint(XacroSession(path)) == []
+    assert [one.rule.code for one in lint(XacroSession(path, {'y': '-0.1'}))] == ['swapped-sides']
 
 
 def test_the_page_lists_the_rules_as_they_are():

@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 from cases import for_all
 import pytest
 from robot_description.describe_command import main
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 from wasd_core.errors import DescriptionError
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
@@ -224,13 +224,13 @@ READER = """
 import json, os, pathlib, resource, sys
 from wasd_core.errors import DescriptionError
 from robot_description.xacro import sandbox
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 from robot_description.urdf import parse_urdf
 sandbox.CPU = float(sys.argv[1])
 for line in sys.stdin:
     started = sum(os.times()[:4])
     try:
-        parse_urdf(expand(pathlib.Path(line.rstrip())))
+        parse_urdf(expand_document(pathlib.Path(line.rstrip())).urdf)
         said = ''
     except DescriptionError as error:
         said = str(error)
@@ -382,10 +382,10 @@ LICENCE = ''.join(f'<!-- line {n} of a licence -->\n' for n in range(60))
 def test_a_robot_below_many_comments_loads_and_a_page_below_them_is_none(tmp_path):
     robot = tmp_path / 'robot.urdf'
     robot.write_text(f'{LICENCE}<robot name="it"><link name="base"/></robot>')
-    assert expand(robot).count('<link') == 1
+    assert expand_document(robot).urdf.count('<link') == 1
     robot.write_text(f'{LICENCE}<!DOCTYPE html><html></html>')
     with pytest.raises(DescriptionError, match='is a web page'):
-        expand(robot)
+        expand_document(robot)
 
 
 @pytest.mark.parametrize('opening', ['<!--', '<?', '#\n\n', '# a\n \n', '<!-- -->'])
@@ -393,4 +393,4 @@ def test_a_file_of_beginnings_without_an_end_is_refused_at_once(tmp_path, openin
     robot = tmp_path / 'robot.urdf'
     robot.write_text(100_000 * opening + '<robot>')
     with pytest.raises(DescriptionError):
-        expand(robot)
+        expand_document(robot)

@@ -15,6 +15,7 @@ from robot_description.lint.session import lint
 from robot_description.meshes import load
 from robot_description.meshes.load import load_mesh
 from robot_description.mujoco.builder import compile_model, to_mujoco
+from robot_description.xacro.session import XacroSession
 from wasd_core.errors import DescriptionError
 
 FORMATS = ('stl', 'obj', 'ply', 'glb', 'dae')
@@ -134,7 +135,7 @@ def test_a_mesh_that_is_lost_stops_nothing_but_strict(use, name, kind, robot, tm
     (record,) = load_robot(str(path)).meshes.repairs
     assert (record.kind, record.file) == (kind, None)
     assert model_of(path).ngeom == 0
-    assert f'{kind}-mesh' in [one.rule.code for one in lint(path)]
+    assert f'{kind}-mesh' in [one.rule.code for one in lint(XacroSession(path))]
     with pytest.raises(DescriptionError, match=f'--strict: {use} mesh .*{name}.*: {kind}'):
         load_robot(str(path), strict=True)
 
@@ -174,7 +175,7 @@ def test_a_size_is_compared_with_the_robot(size, scale, said, robot, tmp_path):
 
     trimesh.creation.box((0.2 * size, 0.1 * size, 0.1 * size)).export(tmp_path / 'box.stl')
     path = robot(f'<visual>{mesh("box.stl", scale)}</visual><collision>{BOX}</collision>')
-    found = [one.message for one in lint(path) if one.rule.code == 'mesh-size']
+    found = [one.message for one in lint(XacroSession(path)) if one.rule.code == 'mesh-size']
     (record,) = load_robot(str(path)).meshes.records
     assert (record.kind == 'size') == bool(said) == bool(found)
     assert record.file is not None
@@ -200,7 +201,7 @@ def test_a_mesh_is_decoded_once_to_be_measured_and_simulated(robot, balls, tmp_p
     monkeypatch.setattr(load, '_read_mesh', lambda path: read.append(path) or decode(path))
     path = robot(f'<visual>{mesh("ball.obj")}</visual><collision>{mesh("ball.obj")}</collision>')
     assert model_of(path).nmesh == 2
-    assert lint(path) == []
+    assert lint(XacroSession(path)) == []
     assert len(read) == 1
 
 

@@ -12,6 +12,7 @@ from robot_description.description import load_robot
 from robot_description.fix.mending import mend, write_mended
 from robot_description.lint.session import lint
 from robot_description.packages import installed_folders, share_directory
+from robot_description.xacro.session import XacroSession
 
 pytestmark = pytest.mark.slow
 
@@ -207,14 +208,14 @@ def test_the_own_mesh_is_used_and_said_and_the_fix_works_anywhere(
     assert said
     for line in said:
         assert any(f'using {file} (' in line for file in loaded.meshes.files.values())
-    for one in lint(path):
+    for one in lint(XacroSession(path)):
         assert 'site-packages' not in one.line()
     (tmp_path / 'there').mkdir()
     written = write_mended(mend(path), path, tmp_path / 'there')
     shutil.rmtree(tmp_path / 'here')
     again = load_robot(str(written), strict=True)
     assert all(file.is_relative_to(tmp_path / 'there') for file in again.meshes.files.values())
-    assert [one.line() for one in lint(written) if 'mesh' in one.rule.code] == []
+    assert [one.line() for one in lint(XacroSession(written)) if 'mesh' in one.rule.code] == []
     assert main(['fix', str(written)]) == 0
 
 
@@ -224,6 +225,6 @@ def test_what_is_only_installed_here_is_used_and_said_and_no_cure_leads_there(tm
     assert record.file == share_directory(NAME) / 'visuals/base.dae'
     assert 'of another package of that name' in record.line()
     assert str(record.file) in record.line()
-    (one,) = [one for one in lint(path) if one.rule.code == 'wrong-mesh-path']
+    (one,) = [one for one in lint(XacroSession(path)) if one.rule.code == 'wrong-mesh-path']
     assert 'copy the file' in one.cure
     assert mend(path).after == {}

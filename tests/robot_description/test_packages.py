@@ -91,7 +91,7 @@ def test_a_clone_is_read_where_its_installation_leaves_folders_out(tmp_path):
         '<xacro:include filename="$(find demo_shared_1)/box/box.xacro"/></robot>'
     )
     expansion = expand_document(path)
-    assert [node.attributes['name'] for node in expansion.nodes[1:]] == ['lid', 'box']
+    assert [attributes['name'] for _, attributes, *_ in expansion.nodes[1:]] == ['lid', 'box']
     ((_, text),) = expansion.warnings
     assert f'is not there, using {parts}/lid.xacro, which is installed so' in text
     (tmp_path / 'demo/other/parts').mkdir(parents=True)

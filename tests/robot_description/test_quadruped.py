@@ -22,7 +22,7 @@ from robot_description.morphology.quadruped import (
 )
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 
 HIPS = {'FL': (0.2, 0.05), 'FR': (0.2, -0.05), 'RL': (-0.2, 0.05), 'RR': (-0.2, -0.05)}
 
@@ -76,7 +76,7 @@ def found(text: str) -> Quadruped:
 
 @pytest.mark.slow
 def test_the_go2_is_found_as_its_makers_name_it() -> None:
-    go2 = found(expand(description_path('go2')))
+    go2 = found(expand_document(description_path('go2')).urdf)
     names = [f'{leg}_{part}_joint' for leg in HIPS for part in ('hip', 'thigh', 'calf')]
     assert list(go2.joint_names) == names
     assert go2.feet == ('FL_foot', 'FR_foot', 'RL_foot', 'RR_foot')

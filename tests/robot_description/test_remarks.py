@@ -5,6 +5,7 @@ from cases import for_all
 import pytest
 from robot_description.description import read_description
 from robot_description.lint.session import lint
+from robot_description.xacro.session import XacroSession
 
 pytestmark = pytest.mark.slow
 
@@ -30,4 +31,4 @@ def test_a_robot_is_the_same_with_remarks_anywhere(remark, more, tmp_path):
     robot = read_description(path).robot
     assert (robot.mass, list(robot.joints), robot.friction) == (2.0, ['hinge'], {'box': 0.5})
     assert robot.self_collide == {'box': True}
-    assert lint(path) == []
+    assert lint(XacroSession(path)) == []

@@ -11,7 +11,7 @@ from robot_description.description import read_description
 from robot_description.meshes.files import opened_by_rviz
 from robot_description.packages import description_path, DESCRIPTIONS
 from robot_description.state_publisher_node import main, StatePublisherNode
-from robot_description.xacro.session import expand
+from robot_description.xacro.session import expand_document
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from wasd_core.topics import TfBroadcaster
@@ -42,7 +42,7 @@ def test_the_description_reaches_who_comes_late(spawn, spin_until):
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     late.create_subscription(String, 'robot_description', received.append, latched)
     spin_until(spawn.pump, lambda: received)
-    assert received[0].data == expand(description_path('mbot'))
+    assert received[0].data == expand_document(description_path('mbot')).urdf
 
 
 @pytest.mark.parametrize('name', DESCRIPTIONS)

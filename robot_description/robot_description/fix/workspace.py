@@ -10,9 +10,9 @@ from typing import NamedTuple
 from wasd_core.errors import DescriptionError, PackageNotFound
 from wasd_core.safe_files import Place
 
-from robot_description.lint.model import make_model, Model
+from robot_description.lint.model import Model, to_element
 from robot_description.lint.rules import Finding
-from robot_description.lint.session import lint_session
+from robot_description.lint.session import lint
 from robot_description.meshes.opening import open_meshes
 from robot_description.meshes.resolver import MeshReport, resolve_meshes
 from robot_description.packages import own_folder, PackageFinder
@@ -58,7 +58,7 @@ class Workspace:
         Raises:
             DescriptionError: they do not.
         """
-        return make_model(self._expand(), self.path, self._search)
+        return Model(to_element(self._expand()), self.path, self._search)
 
     def meshes(self) -> MeshReport:
         """
@@ -83,7 +83,7 @@ class Workspace:
         if self._linted is not None and self._linted[0] == self.changed:
             return self._linted[1]
         session = self._session()
-        found = lint_session(session)
+        found = lint(session)
         self._remember(session)
         self._linted = dict(self.changed), found
         return found

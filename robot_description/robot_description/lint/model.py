@@ -73,14 +73,15 @@ class Element:
         return Pose(self.numbers('origin', 'xyz', '0 0 0'), rpy_matrix(roll, pitch, yaw))
 
 
-def _to_element(expansion: Expansion) -> Element:
+def to_element(expansion: Expansion) -> Element:
     """Return the root of an expansion with all that is in it."""
     children: list[list[Element]] = [[] for _ in expansion.nodes]
-    for index, node in reversed(list(enumerate(expansion.nodes))):
+    for index, row in reversed(list(enumerate(expansion.nodes))):
+        tag, attributes, text, (file, *at), parent = row
         within = tuple(reversed(children[index]))
-        root = Element(node.tag, node.attributes, node.text, within, node.place)
-        if node.parent >= 0:
-            children[node.parent].append(root)
+        root = Element(tag, attributes, text, within, Place(Path(file), *at))
+        if parent >= 0:
+            children[parent].append(root)
     return root
 
 
@@ -90,8 +91,8 @@ class Model:
 
     robot: Element
     path: Path
-    search: tuple[Path, ...] = ()
-    expected_joints: tuple[str, ...] = ()
+    search: Sequence[Path] = ()
+    expected_joints: Sequence[str] = ()
 
     @cached_property
     def links(self) -> dict[str, Element]:
@@ -150,13 +151,3 @@ def end(joint: Element, which: str) -> str:
     """Return the name of a joint's `parent` or `child` link, or nothing."""
     tag = joint.find(which)
     return tag.attributes.get('link', '') if tag is not None else ''
-
-
-def make_model(
-    expansion: Expansion,
-    path: Path,
-    search: Sequence[Path] = (),
-    expected_joints: Sequence[str] = (),
-) -> Model:
-    """Return what a file expanded to, ready to be looked at."""
-    return Model(_to_element(expansion), path, tuple(search), tuple(expected_joints))

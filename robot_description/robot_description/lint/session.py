@@ -10,7 +10,7 @@ from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import LocatedError, Place
 
 from robot_description.lint import geometry, sensors, structure
-from robot_description.lint.model import make_model, Model
+from robot_description.lint.model import Model, to_element
 from robot_description.lint.rules import Finding, finding
 from robot_description.meshes.opening import open_meshes
 from robot_description.meshes.resolver import MeshRecord, resolve_meshes, SIZE, UNUSABLE
@@ -57,26 +57,11 @@ FOLLOWS = {
 MOST_FINDINGS = 200
 
 
-def lint(
-    path: Path,
-    arguments: Mapping[str, str] | None = None,
-    search: Sequence[Path] = (),
-    expected_joints: Sequence[str] = (),
-) -> list[Finding]:
+def lint(session: XacroSession, expected_joints: Sequence[str] = ()) -> list[Finding]:
     """
-    Return what is wrong with a xacro or URDF file, in the order of files and lines.
+    Run a session; return what is wrong with what it reads and makes, by files and lines.
 
     `expected_joints` are names that a controller will look for.
-
-    Raises:
-        DescriptionError: the file itself cannot be opened.
-    """
-    return lint_session(XacroSession(path, arguments or {}, search), expected_joints)
-
-
-def lint_session(session: XacroSession, expected_joints: Sequence[str] = ()) -> list[Finding]:
-    """
-    Run a session and return what is wrong with what it reads and makes.
 
     Raises:
         DescriptionError: the file itself cannot be opened.
@@ -90,7 +75,7 @@ def lint_session(session: XacroSession, expected_joints: Sequence[str] = ()) -> 
     else:
         start = Place(session.path, 1)
         found += [finding('xacro-warning', p or start, text) for p, text in expansion.warnings]
-        model = make_model(expansion, session.path, session.search, expected_joints)
+        model = Model(to_element(expansion), session.path, session.search, expected_joints)
         for check in CHECKS:
             found += islice(check(model), MOST_FINDINGS)
         try:

@@ -22,6 +22,7 @@ from wasd_core.errors import one_line
 
 from robot_description.meshes.files import EXTENSIONS
 from robot_description.robot import Robot, Shape
+from robot_description.xacro.source import STL_HEADER, STL_TRIANGLE
 
 # Raise it when what is cached changes.
 CACHE_VERSION = 5
@@ -57,9 +58,8 @@ NO_MESHES = {
 }
 # How files of a format begin, whatever they are called.
 BEGINNINGS = {GLB_MAGIC: '.glb', b'ply\n': '.ply', b'ply\r': '.ply', b'<?xml': '.dae'}
-# A binary STL: bytes before its triangles, which end with their number, and of each triangle. One
-# in words says `facet` before long.
-STL_HEADER, STL_TRIANGLE, STL_WORDS = 84, 50, 2000
+# An STL in words says `facet` before long.
+STL_WORDS = 2000
 Y_TO_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 # Rotations to x ahead, z up; COLLADA 1.4.1 says where `right` and `in` are for each up axis.
 UP_AXES = {

@@ -2,21 +2,8 @@
 """
 What is put into a robot with two driven wheels: motors, tyres, casters; and what is held.
 
-How strong a motor is, is scaled to what it moves, as the legs' gains are. A motor at constant
-voltage has a torque that falls linearly with speed (any textbook: Franklin, Powell, Emami-Naeini,
-Feedback Control of Dynamic Systems, section 2.3). How steeply, `damping` [N m s/rad], decides how
-soon the wheel is at its speed: with what a wheel moves, J, it nears it with the time constant J /
-damping.
-
-What one of two wheels moves is seen at its axis as an inertia. Straight ahead it is half the mass
-at the rim, M r^2 / 2. In a turn on the spot the rims, half a track b from the middle, go b / 2 per
-radian, and forces F on both make the moment F b, so that it is Iz (2 r / b) (r / b) = 2 Iz r^2 /
-b^2. The larger of the two is what the line is made for: descriptions name any efforts and speeds,
-from 0 to 1e7.
-
-The physics takes motors explicitly, in steps of 1 ms: a line that would stop a wheel in the air in
-less than a step makes it ring. A wheel too light for its line gets a rotor, as gear motors have
-one: it adds to what turns about the wheel's axis.
+See "The motor" in docs/diff_drive.md; why a motor's torque falls linearly with speed: Franklin,
+Powell, Emami-Naeini, Feedback Control of Dynamic Systems, section 2.3.
 """
 
 from dataclasses import replace

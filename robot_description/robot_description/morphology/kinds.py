@@ -10,7 +10,7 @@ from robot_description.morphology.names import words
 from robot_description.morphology.quadruped import find_quadruped, NotAQuadruped
 from robot_description.morphology.rollers import find_rollers, is_on_leg, is_upright, Roller
 from robot_description.morphology.tyre import turns_freely
-from robot_description.morphology.wheels import Drive, find_drive
+from robot_description.morphology.wheels import Drive
 from robot_description.robot import Joint, Robot
 
 GO2, MBOT = 'drive it by wasd go2 --description', 'drive it by wasd mbot --description'
@@ -40,9 +40,8 @@ class Kind(NamedTuple):
     cure: str = ''
 
 
-def name_kind(robot: Robot, drive: Drive | None = None) -> Kind:
+def name_kind(robot: Robot, drive: Drive) -> Kind:
     """Return what a robot is; `drive` is what `find_drive` said of it."""
-    drive = drive or find_drive(robot)
     rollers = find_rollers(robot)
     try:
         find_quadruped(robot)

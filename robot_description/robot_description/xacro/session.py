@@ -13,21 +13,11 @@ from robot_description.xacro.sandbox import OutOfBounds, run_bounded
 from robot_description.xacro.source import check_format, check_name, tidy, WANTED
 
 
-class Node(NamedTuple):
-    """An element of an expansion and its place; `parent` counts in the list of all, -1 is none."""
-
-    tag: str
-    attributes: dict[str, str]
-    text: str
-    place: Place
-    parent: int
-
-
 class Expansion(NamedTuple):
-    """An expanded file: its text; its elements, parents first; xacro's warnings; files read."""
+    """An expanded file: text; elements as `describe_document` has them; warnings; files read."""
 
     urdf: str
-    nodes: tuple[Node, ...]
+    nodes: list[list[Any]]
     warnings: tuple[tuple[Place | None, str], ...]
     files: tuple[Path, ...]
 
@@ -42,14 +32,14 @@ class XacroSession:
     def __init__(
         self,
         path: Path,
-        arguments: Mapping[str, str],
+        arguments: Mapping[str, str] | None = None,
         search: Sequence[Path] = (),
         texts: Mapping[Path, bytes] | None = None,
     ) -> None:
         self.sources: dict[Path, bytes] = {}
         self.path = path
         self.search = search
-        self._arguments = dict(arguments)
+        self._arguments = dict(arguments or {})
         self._texts = dict(texts or {})
 
     def expand(self) -> Expansion:
@@ -57,7 +47,7 @@ class XacroSession:
         Return what the file expands to.
 
         Raises:
-            DescriptionError: see `expand`.
+            DescriptionError: one line with the file and, where there is one, the line.
         """
         try:
             data = self._texts[self.path] if self.path in self._texts else read_file(self.path)
@@ -69,16 +59,12 @@ class XacroSession:
         answer = self._run() if _is_xacro(data) else self._read(data, notes)
         if 'error' in answer:
             raise _to_error(**answer['error'])
-        nodes = tuple(
-            Node(tag, attributes, text, Place(Path(place[0]), *place[1:]), parent)
-            for tag, attributes, text, place, parent in answer['nodes']
-        )
-        root = nodes[0]
-        if root.tag != 'robot':
-            reason = f'is <{root.tag}>, {WANTED}; make <robot> its first tag'
-            raise LocatedError(root.place, reason)
+        tag, _, _, (file, *at), _ = answer['nodes'][0]
+        if tag != 'robot':
+            reason = f'is <{tag}>, {WANTED}; make <robot> its first tag'
+            raise LocatedError(Place(Path(file), *at), reason)
         warnings = tuple((unlisted(place), text) for place, text in answer['warnings'])
-        return Expansion(answer['urdf'], nodes, warnings, tuple(self.sources))
+        return Expansion(answer['urdf'], answer['nodes'], warnings, tuple(self.sources))
 
     def _read(self, data: bytes, notes: Sequence[str]) -> dict[str, Any]:
         """Read a file in which xacro would change nothing."""
@@ -118,27 +104,15 @@ def _to_error(place: list[Any] | None, reason: str, via: list[Any] | None) -> De
     return LocatedError(at, reason, unlisted(via)) if at else DescriptionError(reason)
 
 
-def expand(
+def expand_document(
     path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
-) -> str:
+) -> Expansion:
     """
-    Return the URDF text of a xacro or URDF file.
+    Return what a xacro or URDF file expands to.
 
     `arguments` are xacro args; `search` are folders in which `$(find)` looks first.
 
     Raises:
         DescriptionError: one line with the file and, where there is one, the line.
     """
-    return expand_document(path, arguments, search).urdf
-
-
-def expand_document(
-    path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
-) -> Expansion:
-    """
-    Return what a xacro or URDF file expands to, as elements that know their places.
-
-    Raises:
-        DescriptionError: see `expand`.
-    """
-    return XacroSession(path, arguments or {}, search).expand()
+    return XacroSession(path, arguments, search).expand()

@@ -48,7 +48,9 @@ def build_worlds(
     visuals = visuals or any(has_camera(robot.robot) for robot in loaded)
     boxes = [box.size for box in options.boxes]
     if len(parts) == 1:
-        built = loaded[0].with_stand_in_masses() if parts[0].is_fake else loaded[0]
+        built = loaded[0]
+        if parts[0].is_fake:
+            built = dataclasses.replace(built, robot=built.robot.with_stand_in_masses())
         world = build_world(built, options.world, options.seed, setups[0], visuals, boxes)
         return [(parts[0], loaded[0], world)]
     prefixes = [f'{part.namespace}/' for part in parts]
