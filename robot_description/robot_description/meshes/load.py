@@ -240,12 +240,7 @@ def _thin(mesh: Mesh, most_faces: int) -> Mesh:
 
 
 def _whole_stl(path: Path) -> io.BytesIO:
-    """
-    Return an STL without what is behind its end.
-
-    Raises:
-        ValueError: it ends before.
-    """
+    """Return an STL without what is behind its end; refuse one that ends before."""
     data = path.read_bytes()
     if data.lstrip()[:5].lower() == b'solid' and b'facet' in data[:STL_WORDS].lower():
         if b'endsolid' not in data.lower():

@@ -123,12 +123,7 @@ def measure_leg(
 
 
 def _check_chain(robot: Robot, limb: list[Joint]) -> None:
-    """
-    Check that a limb is a chain of three turning joints of which each is moved by itself.
-
-    Raises:
-        NotALeg: it is none.
-    """
+    """Check that a limb is a chain of three turning joints of which each is moved by itself."""
     if has_wheel(robot, limb):
         raise NotALeg(f'a wheel at its end, {limb[-1].name}')
     is_linkage = sum(not joint.mimics for joint in limb) <= LEG_JOINTS
@@ -160,12 +155,7 @@ def has_wheel(robot: Robot, limb: list[Joint]) -> bool:
 
 
 def _check_axes(limb: list[Joint], axes: list[np.ndarray]) -> np.ndarray:
-    """
-    Return the normal of a leg's plane, (3,), to the left.
-
-    Raises:
-        NotALeg: the joints do not roll, pitch and pitch.
-    """
+    """Return the normal of a leg's plane, (3,), to the left, if its joints roll, pitch, pitch."""
     roll, pitch, knee = axes
     cosine = math.cos(AXIS_TOLERANCE)
     is_right = (
@@ -230,9 +220,6 @@ def _find_foot(
     `links` are the links of the lower leg, `poses` theirs in the base at zero joints, `joint` is
     what turns it and `thigh` [m] how long the upper leg is. In this order: the farthest sphere,
     the farthest link named like a foot, the far end of the farthest shape.
-
-    Raises:
-        NotALeg: there is nothing like one.
     """
     knee = poses[joint.child].position
     ends = {link: _ends(robot, link, poses[link], knee) for link in links}
