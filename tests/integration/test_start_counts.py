@@ -32,7 +32,7 @@ sys.addaudithook(count_pythons)
 import pinocchio
 from robot_description import urdf
 from robot_description.morphology import quadruped
-from robot_description import xacro
+from robot_description.xacro import session
 
 def count(module, name, what):
     real = getattr(module, name)
@@ -41,7 +41,7 @@ def count(module, name, what):
         return real(*arguments, **options)
     setattr(module, name, counted)
 
-count(xacro, 'expand_document', 'read')
+count(session, 'expand_document', 'read')
 count(urdf, 'parse_urdf', 'parsed')
 count(quadruped, 'find_quadruped', 'recognised')
 for name in dir(pinocchio):
