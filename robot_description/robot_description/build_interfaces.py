@@ -209,7 +209,12 @@ def generate(package: Package, made: Path) -> None:
 
 
 def _call(module: str, function: str, *arguments: Any) -> None:
-    """Call a generator's function, any failure of which is a CannotBuild; hide what it says."""
+    """
+    Call a generator's function; what it says is for no user.
+
+    Raises:
+        CannotBuild: it is not there, or failed in any of its ways.
+    """
     try:
         called: Callable[..., Any] = getattr(importlib.import_module(module), function)
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
