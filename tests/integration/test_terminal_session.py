@@ -11,6 +11,7 @@ import termios
 import time
 from typing import Any
 
+import programs
 import pytest
 from terminals import PATIENCE
 
@@ -29,6 +30,9 @@ Physics.step = faulty
 from wasd_bringup.cli import main
 sys.exit(main(sys.argv[1:]))
 """
+
+# A shell that pipes a key into it, once the test says so.
+PIPE = 'trap : INT; (until [ -e key ]; do sleep 0.1; done; printf i) | "$0" "$@"'
 
 
 def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says_and_ctrl_c_is_the_way_out(
@@ -109,3 +113,19 @@ def test_it_shows_the_keys_and_a_status_line_and_a_closed_terminal_ends_it(
     os.close(session.master)
     session.master = os.dup(session.slave)
     assert session.process.wait(PATIENCE) in (128 + 1, -1)
+
+
+def test_after_the_end_of_a_pipe_ctrl_c_is_a_signal_again(
+    start: Callable[..., Any], tmp_path: Path
+) -> None:
+    program = ('-c', programs.SHELL, PIPE, '-m', 'wasd_bringup.cli')
+    session = start('--no-ros', '--duration', '600', program=program)
+    # The test is a terminal that tells releases.
+    session.wait_for('\x1b[?u')
+    session.type('\x1b[?0u')
+    session.wait_for('\x1b[>27u')
+    (tmp_path / 'key').touch()
+    session.wait_for('\x1b[<u')
+    session.type('\x03')
+    assert session.end() == 0
+    assert termios.tcgetattr(session.slave) == session.before

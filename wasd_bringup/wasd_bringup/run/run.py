@@ -455,8 +455,12 @@ class Run:
             if notice := self._reader.take_notice():
                 self.robot.say(notice)
             timeout = 0.0
-            if self._reader.closed and self.options.has_guests:  # else the run ends soon
-                self._stop_what_the_keys_moved()
+            if self._reader.closed:
+                if self._reader.terminal is not None:
+                    # Nobody reads it any more: Ctrl-C is to be a signal, and no sequence.
+                    self._reader.terminal.switch_off()
+                if self.options.has_guests:  # else the run ends soon
+                    self._stop_what_the_keys_moved()
         for driver in self._drivers:
             driver.look()
         now = time.monotonic()
