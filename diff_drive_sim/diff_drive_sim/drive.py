@@ -259,7 +259,7 @@ class DiffDrive:
         robot = self.robot
         parameters = self._with_base_frame(parameters)
         pair = find_pair(robot, parameters.wheel_choice())
-        described = geometry_of(pair)
+        described = geometry_of(robot, pair)
         self.motor = wheel_motor(robot, pair)
         described = replace(described, speed_limit=self.motor.top_speed)
         geometry, notes = configure_wheels(described, parameters)
@@ -308,7 +308,8 @@ class DiffDrive:
         self._drive.set_gains(gains_of(parameters))
 
     def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:
-        return replace(parameters, base_frame_id=parameters.base_frame_id or self.robot.root)
+        frame = parameters.base_frame_id or self.robot.moving_link
+        return replace(parameters, base_frame_id=frame)
 
     @property
     def is_fake(self) -> bool:

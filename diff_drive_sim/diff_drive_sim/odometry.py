@@ -31,7 +31,7 @@ class DiffDriveGeometry:
 
     Wheel angles and speeds are forward ones here and everywhere inside this package. A direction
     is -1 for a joint whose axis points to the right, which turns backward to go forward: `flip`.
-    `axle_x`, `axle_y` are where the middle of the axle is in the robot's root frame [m];
+    `axle_x`, `axle_y` are where the middle of the axle is in the frame of the robot [m];
     `speed_limit` is what the slower wheel can do [rad/s]; the multipliers are a calibration's, and
     those of wheels that differ.
     """
@@ -96,10 +96,11 @@ def find_pair(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
     raise DiffDriveError(f'{robot.name!r} {drive.why_not()}; {CURE}')
 
 
-def geometry_of(drive: Drive) -> DiffDriveGeometry:
-    """Return the geometry of two driven wheels."""
+def geometry_of(robot: Robot, drive: Drive) -> DiffDriveGeometry:
+    """Return the geometry of a robot's two driven wheels."""
     left, right = drive.wheels
-    axle_x, axle_y, _ = (0.5 * (left.position + right.position)).tolist()
+    base = robot.rest_poses[robot.moving_link]
+    axle_x, axle_y, _ = (0.5 * (left.position + right.position) - base.position).tolist()
     return DiffDriveGeometry(
         left.joint.name,
         right.joint.name,
@@ -121,7 +122,7 @@ def find_wheels(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> DiffDriveGeom
     Raises:
         DiffDriveError: see `find_pair`.
     """
-    return geometry_of(find_pair(robot, choice))
+    return geometry_of(robot, find_pair(robot, choice))
 
 
 class PlanarCovariance(NamedTuple):

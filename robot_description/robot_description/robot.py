@@ -16,7 +16,9 @@ GREY = (0.7, 0.7, 0.7, 1.0)
 MOVABLE = ('revolute', 'continuous', 'prismatic')
 # What has stops at both ends.
 LIMITED = ('revolute', 'prismatic')
-JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
+# By such a joint a robot hangs on a world that lets it go.
+LOOSE = ('floating', 'planar')
+JOINT_KINDS = (*MOVABLE, 'fixed', *LOOSE)
 # A root link of this name is no part of the robot: what hangs on it does not float.
 WORLD_LINK = 'world'
 # The joint by which a robot floats, where a library wants a name for it.
@@ -180,6 +182,12 @@ class Robot:
         if not self.is_fixed:
             return self.root
         return next((j.child for j in self.joints.values() if j.parent == self.root), self.root)
+
+    @property
+    def moving_link(self) -> str:
+        """The link that is where the robot is: the base where a world lets it go, or the root."""
+        joint = self.parent_joints.get(self.base)
+        return self.base if joint is not None and joint.kind in LOOSE else self.root
 
     @property
     def root_joint(self) -> str:

@@ -43,6 +43,19 @@ def test_the_middle_of_the_axle_is_found():
     assert geometry.wheel_separation == pytest.approx(0.4)
 
 
+def test_what_a_world_lets_go_is_the_base_and_not_the_world():
+    text = ''.join((wheel('l', 0.25, x=0.09), wheel('r', -0.15, x=0.09)))
+    cart = parse_urdf(
+        f'<robot name="cart"><link name="world"/><link name="base"/>{text}<joint name="free" '
+        'type="floating"><origin xyz="1 2 0.06"/><parent link="world"/><child link="base"/>'
+        '</joint></robot>'
+    )
+    unit = DiffDrive(cart, DiffDriveParameters())
+    assert unit.parameters.base_frame_id == 'base'
+    geometry = unit.controller.geometry
+    assert (geometry.axle_x, geometry.axle_y) == pytest.approx((0.09, 0.05))
+
+
 def test_the_slower_wheel_sets_the_speed_limit_and_none_is_no_limit():
     slow, fast = (f'<limit effort="1" velocity="{speed}"/>' for speed in (9.0, 12.0))
     wheels = robot(wheel('l', 0.2, limit=fast), wheel('r', -0.2, limit=slow))

@@ -5,6 +5,7 @@ import argparse
 import itertools
 import math
 
+from descriptions import robot_named
 from geometry_msgs.msg import Twist
 from navigation_stand_ins import StandInLocator, StandInPilot
 import numpy as np
@@ -43,6 +44,19 @@ def session_of(monkeypatch):
     yield make
     for session in sessions:
         session.close()
+
+
+def test_a_robot_that_floats_on_a_world_maps_too(session_of, tmp_path):
+    text, root = robot_named('mbot').urdf, robot_named('mbot').robot.root
+    hung = (
+        '<link name="world"/><joint name="free" type="floating"><parent link="world"/>'
+        f'<child link="{root}"/></joint></robot>'
+    )
+    (path := tmp_path / 'floating.urdf').write_text(text[: text.rindex('</robot>')] + hung)
+    session = session_of(description=path)
+    session.simulation.advance(1000)
+    assert navigation(session).report()['scans'] > 0
+    assert session.robot.frames == ('odom', root)
 
 
 @pytest.fixture

@@ -30,15 +30,13 @@ from robot_description.morphology.tyre import (
     Tyre,
 )
 from robot_description.morphology.vehicles import other_vehicle
-from robot_description.robot import Joint, Robot
+from robot_description.robot import Joint, LOOSE, Robot
 
 # Lengths of a description that differ by no more than this are meant to be equal: CAD rounds to
 # 1 mm on each side [m].
 OFF_AXLE = 0.002
 # More joints than these are not listed.
 MOST_LISTED = 8
-# By such a joint a robot hangs on a world that lets it go.
-LOOSE = ('floating', 'planar')
 
 
 class WheelChoice(NamedTuple):

@@ -122,7 +122,7 @@ class Go2(Robot):
             given['eyes'] = True
         if world.prefix:
             given['odom_frame'] = f'{world.prefix}odom'
-            given['base_frame'] = world.prefix + self.description.robot.root
+            given['base_frame'] = world.prefix + self.description.robot.moving_link
         return given
 
     @property
