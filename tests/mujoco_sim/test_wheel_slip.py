@@ -5,9 +5,11 @@ from cases import for_all
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors.mount import Snapshot
 from mujoco_sim.sensors.wheel_slip import slip, WheelSlip
-from mujoco_sim.world import build_world
+from mujoco_sim.world import build_world, World
 import numpy as np
 import pytest
+from robot_description.mujoco.builder import to_mujoco
+from robot_description.urdf import parse_urdf
 from wasd_core.robot_io import JointCommand
 
 RADIUS, HALF_TRACK = 0.06, 0.19
@@ -80,6 +82,46 @@ def test_at_rest_nothing_slips(measured):
 def test_a_robot_pushed_sideways_does_not_slip_along_its_wheels(measured):
     for wheel in measured(0.0, 0.0, 0.0, 0.0, sideways=0.5):
         assert wheel.speed == pytest.approx(0.0, abs=1e-12)
+
+
+CYLINDER = '<collision>{}<geometry><cylinder radius="0.05" length="0.1"/></geometry></collision>'
+INERTIA = (
+    '<inertial><mass value="1"/>'
+    '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def with_links(loaded, *links):
+    """Return mbot with joints on its base, each of a name, a kind, an axis and a shape."""
+    text, parent = '', loaded.robot.base
+    for name, kind, axis, shape in links:
+        text += f'<link name="{name}">{INERTIA}{shape}</link><joint name="{name}_joint" type="'
+        text += f'{kind}"><origin xyz="0 0 0.5"/><parent link="{parent}"/><child link="{name}"/>'
+        text += (
+            f'<axis xyz="{axis}"/><limit lower="-2" upper="2" effort="1" velocity="9"/></joint>'
+        )
+        parent = name
+    robot = parse_urdf(loaded.urdf.replace('</robot>', f'{text}</robot>'))
+    world = World(to_mujoco(robot), robot.base)
+    return world, WheelSlip(world, robot, Snapshot(world))
+
+
+def test_a_turret_is_no_wheel(loaded):
+    turret = ('turret', 'continuous', '0 0 1', CYLINDER.format(''))
+    wheels = with_links(loaded, turret)[1]
+    assert wheels.joints == ('left_wheel_joint', 'right_wheel_joint')
+    assert len(wheels.measure()) == 2
+
+
+def test_a_wheel_that_is_laid_flat_does_not_slip(loaded):
+    lying = CYLINDER.format('<origin rpy="1.5707963267948966 0 0"/>')
+    world, wheels = with_links(
+        loaded, ('arm', 'revolute', '1 0 0', ''), ('third', 'continuous', '0 1 0', lying)
+    )
+    assert wheels.joints[2] == 'third_joint'
+    world.data.joint('arm_joint').qpos[0] = math.pi / 2.0
+    world.data.joint('third_joint').qvel[0] = 9.0
+    assert wheels.measure()[2] == (0.0, 0.0)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import rclpy
 from teleop_keyboard.key_reader import KeyReader
 from wasd_core.errors import attempt_all
 from wasd_core.network import claim_domain, namespaces_of, RANGE
-from wasd_core.node import init_ros
+from wasd_core.node import explain_ros_errors, init_ros
 
 from wasd_bringup.robots import BOTH
 from wasd_bringup.ros.face import make_ros_run
@@ -50,7 +50,8 @@ class RosHome:
             from wasd_bringup.ros.foxglove import FoxgloveServer
 
             self._foxglove = FoxgloveServer(options.foxglove)
-        run = make_ros_run(options, reader, visuals, self._recorder, self._foxglove)
+        with explain_ros_errors():
+            run = make_ros_run(options, reader, visuals, self._recorder, self._foxglove)
         self._has_run = True
         return run
 
