@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What comes into a run: scripts, keys of its own, when messages are due."""
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 import math
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 from mujoco_sim.parameters import BoxSize
 from teleop_keyboard.dashboard import HELP_KEY
@@ -32,7 +34,7 @@ class ScriptedPush(NamedTuple):
     time: float
     force: tuple[float, float, float]
     duration: float
-    point: tuple[float, float, float] | None = None
+    point: tuple[float, ...] | None = None
 
 
 class ScriptedBox(NamedTuple):
@@ -61,17 +63,6 @@ class Command(NamedTuple):
 
 # Where to drive in the map: x, y [m] and yaw [rad], NaN for that of the way there.
 Goal = tuple[float, float, float]
-
-
-class Timed(Protocol):
-    """What a player needs of an event: when it is due [s]."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-
-
-Event = TypeVar('Event', bound=Timed)
 
 
 def parse_twist_script(text: str, name: str) -> list[ScriptedTwist]:
@@ -120,14 +111,12 @@ def parse_push(text: str) -> ScriptedPush:
     try:
         words = text.split()
         _, fx, fy, fz, _, *point = numbers = [float(word) for word in words]
-        if not all(map(math.isfinite, numbers)):
+        if not (all(map(math.isfinite, numbers)) and len(point) in (0, 3)):
             raise ValueError
-        push = ScriptedPush(
-            _seconds(words[0]), (fx, fy, fz), _seconds(words[4]), _triple(point) if point else None
-        )
+        start, duration = _seconds(words[0]), _seconds(words[4])
+        return ScriptedPush(start, (fx, fy, fz), duration, tuple(point) or None)
     except ValueError:
         raise UserError(f"--push: got {text!r}, wanted 't fx fy fz seconds [x y z]'") from None
-    return push
 
 
 def parse_box(text: str) -> ScriptedBox:
@@ -181,11 +170,6 @@ def parse_goal(text: str) -> Goal:
     return x, y, yaw
 
 
-def _triple(numbers: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z = numbers
-    return x, y, z
-
-
 def _seconds(word: str) -> float:
     value = float(word)
     if not (math.isfinite(value) and value >= 0.0):
@@ -193,28 +177,23 @@ def _seconds(word: str) -> float:
     return value
 
 
-class Player(Generic[Event]):
-    """Hands each event over once, when simulated time has reached it."""
+class Player:
+    """Hands each event over once, when simulated time has reached its `time` [s]."""
 
-    def __init__(self, events: Sequence[Event]) -> None:
-        self._events = sorted(events, key=lambda event: event.time)
+    def __init__(self, events: Sequence[Any]) -> None:
+        self._events = sorted(events, key=attrgetter('time'))
         self._next = 0
-        self._set_next_time()
+        # When it is to be asked next, a simulated time [s]; infinity when all is done.
+        self.next_time = -math.inf
 
-    def _set_next_time(self) -> None:
-        # From which simulated time on there is something to do [s]; infinity when all is done.
-        is_over = self._next == len(self._events)
-        self.next_time = math.inf if is_over else self._events[self._next].time - SLACK
-
-    def due(self, time: float) -> list[Event]:
+    def due(self, time: float) -> list[Any]:
         """Return the events up to a simulated time [s] that were not returned before."""
         if time < self.next_time:
             return []  # in almost every instant
-        first, end = self._next, len(self._events)
-        while self._next < end and self._events[self._next].time <= time + SLACK:
-            self._next += 1
-        self._set_next_time()
-        return list(self._events[first : self._next])
+        events, first = self._events, self._next
+        self._next = end = bisect_right(events, time + SLACK, first, key=attrgetter('time'))
+        self.next_time = events[end].time - SLACK if end < len(events) else math.inf
+        return events[first:end]
 
 
 class BoxPlayer:
