@@ -7,6 +7,7 @@ import sys
 
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
+from policy_player.loading import load_policy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import load_robot
@@ -43,7 +44,7 @@ from wasd_core.topics import (
 
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.elevation_publisher import CloudInput, ElevationPublisher
-from quadruped_sim.legs import Legs, load_policy
+from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import leg_controller, LegNodeParameters
 from quadruped_sim.readings import Readings
 
@@ -80,7 +81,7 @@ class LegControllerNode(Node):
         )
         description = None if legs else load_robot(settings.description)
         if description is not None:
-            walker = load_policy(settings.policy, settings.policy_config)
+            walker = load_policy(settings.policy or None, settings.policy_config or None)
             legs = Legs(description, inform=self.get_logger().info, walker=walker)
         assert legs is not None
         self.legs = legs

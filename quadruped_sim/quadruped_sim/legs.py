@@ -7,7 +7,6 @@ from typing import Any, cast
 
 import numpy as np
 from robot_description.description import Description
-from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, BaseState, JointCommand, Reading
 from wasd_core.signals import stop_requested
 from wasd_core.timing import NO_PRESS, Notice
@@ -186,26 +185,6 @@ class Legs:
     def _say_event(self, event: str) -> None:
         legs = self.controller
         self.say(legs.words.to_event(event, legs.is_fallen, legs.obstacle))
-
-
-def load_policy(path: str, config: str) -> Walker | None:
-    """
-    Return the network of a file, or of a name, that walks in the state policy; None without one.
-
-    `config` is the file, or the preset, that says how it was trained, '' where it does itself.
-
-    Raises:
-        UserError: why it cannot be played, in one line.
-    """
-    if not path:
-        if config:
-            raise UserError('policy_config needs a network: set policy')
-        return None
-    # Here, because few play one.
-    from policy_player.player import Player
-    from policy_player.policy_file import read_policy
-
-    return Player(read_policy(path, config or None))
 
 
 def _warm_model(description: Description) -> RobotModel:

@@ -3,24 +3,25 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from mujoco_sim.sensors.heights import true_heights
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import LONG_STEP, World
 import numpy as np
+from policy_player.loading import load_policy
 from quadruped_sim.height_scan import known_scan
 from quadruped_sim.keys import FOLLOWING, KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
 from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.legs import Legs, load_policy
+from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.presets import LIMITS
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keymap import on_qwerty
 from wasd_core.errors import UserError
-from wasd_core.robot_io import BaseOdometry, JointCommand
+from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import yaw_of
 from wasd_core.timing import is_press, ROUNDING, STOP_KEY
 
@@ -30,18 +31,6 @@ from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions, TRUE_SCAN
 from wasd_bringup.run.report import Sample, TrunkWatch
 from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
-from wasd_bringup.run.walkers import load_walker
-
-
-class Outside(Protocol):
-    """A program outside our controller that may command the motors."""
-
-    def step(self, dt: float) -> None:
-        """Read new commands before our controller steps, `dt` [s] after the last step."""
-
-    def motors(self) -> JointCommand | None:
-        """Return the command to the motors, None if our controller has them."""
-
 
 LIDAR_NEEDED = (
     '{option}: {robot} has no lidar of points: give its description a '
@@ -71,8 +60,12 @@ class Go2(Robot):
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
         super().__init__(options, loaded, world, simulation)
-        settings = leg_settings(self.given)
-        walker = load_walker(options) or load_policy(settings.policy, settings.policy_config)
+        given = self.given
+        settings = LegNodeParameters.from_file(given.get('controller', '')).changed(given)
+        walker = options.policy
+        if walker is None or isinstance(walker, str):
+            config = settings.policy_config or options.policy_config
+            walker = load_policy(settings.policy or walker, config)
         self.legs = Legs(loaded, settings, self.log.info, walker)
         quadruped = self.legs.model.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
@@ -81,7 +74,8 @@ class Go2(Robot):
         self._hints = None if self.logic is None else KeyHints(self.logic, HELP_KEY)
         self.notice = self.legs.notice
         self._trunk = TrunkWatch()
-        self.outside: Outside | None = None
+        # The `UnitreeDriver`, where there is one: its program may command the motors.
+        self.outside: Any = None
         self._stepped = self._before_now()  # the tick of the last step of control
         self.elevation = RobotElevation(self)
         mapper = self.elevation.mapper
@@ -124,11 +118,6 @@ class Go2(Robot):
             given['odom_frame'] = f'{world.prefix}odom'
             given['base_frame'] = world.prefix + self.description.robot.moving_link
         return given
-
-    @property
-    def layout(self) -> str:
-        """The keyboard's layout."""
-        return self.options.layout
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -177,7 +166,7 @@ class Go2(Robot):
     @property
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
-        lines = unitree_help(self.layout)
+        lines = unitree_help(self.options.layout)
         if self.legs.controller.has_policy:
             lines = (*lines[:2], f'{self.named(POLICY)} policy, from the stand', *lines[2:])
         if self.logic is None:
@@ -188,7 +177,7 @@ class Go2(Robot):
     def first_keys(self) -> str:
         """The keys to press first."""
         if self.logic is None:
-            return unitree_first_keys(self.layout)
+            return unitree_first_keys(self.options.layout)
         keys = driving_keys(self.logic.keymap)
         return f'press 2 to stand, 5 to drive; then {keys} (forward, back, left, right)'
 
@@ -220,7 +209,7 @@ class Go2(Robot):
 
     def latches(self, key: str) -> bool:
         """Whether the motion of this key continues after its release."""
-        return on_qwerty(key, self.layout).lower() in STICK_KEYS or super().latches(key)
+        return on_qwerty(key, self.options.layout).lower() in STICK_KEYS or super().latches(key)
 
     def choices(self) -> tuple[StateChoice, ...]:
         """Return the states with keys."""
@@ -335,7 +324,7 @@ class Go2(Robot):
         self.legs.e_stop()
 
     def _press(self, key: str, is_pressed: bool) -> None:
-        legs_key = on_qwerty(key, self.layout)
+        legs_key = on_qwerty(key, self.options.layout)
         self.legs.answers = is_pressed
         self.legs.press(legs_key)
         super()._press(key, is_pressed)
@@ -348,21 +337,11 @@ class Go2(Robot):
         keys = () if self.logic is None else self.logic.keymap.keys
         return KeyWords(
             drive=StateName.TROTTING if self.logic is None else StateName.MOVE_BASE,
-            elsewhere=frozenset(on_qwerty(key, self.layout) for key in keys),
+            elsewhere=frozenset(on_qwerty(key, self.options.layout) for key in keys),
             reset_key=RESET_KEY,
             help_key=HELP_KEY,
             name=self.named,
         )
-
-
-def leg_settings(given: dict[str, Any]) -> LegNodeParameters:
-    """
-    Return the leg controller's parameters: those of a file that is given, and others given.
-
-    Raises:
-        InvalidParameter: what is wrong with one, with its line where a file has it.
-    """
-    return LegNodeParameters.from_file(given.get('controller', '')).changed(given)
 
 
 def _true_scan(world: World) -> np.ndarray:

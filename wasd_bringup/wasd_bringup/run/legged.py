@@ -6,6 +6,7 @@ from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import World
 from policy_player.joint_controller import JointController, State, STATE_KEYS
+from policy_player.loading import load_policy
 from policy_player.stands import g1_stand, is_g1, stand_of
 from robot_description.description import Description
 from robot_description.robot import Robot as RobotTree
@@ -18,7 +19,6 @@ from wasd_core.timing import is_press, Notice, STOP_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample
 from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
-from wasd_bringup.run.walkers import load_walker
 
 HOIST_KEY, HOIST = 'h', 'hoist'
 PASSIVE = next(key for key, state in STATE_KEYS.items() if state is State.PASSIVE)
@@ -43,7 +43,7 @@ class Legged(Robot):
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
         super().__init__(options, loaded, world, simulation)
-        player = load_walker(options)
+        player = load_policy(options.policy, options.policy_config)
         joints = world.motor_names
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
         self.hoist = Hoist(world)

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Loads the network that walks, where there is one."""
+
+from typing import Any
+
+from wasd_core.errors import UserError
+
+
+def load_policy(path: str | None, config: str | None) -> Any:
+    """
+    Return the `Player` of a network's file, or of its name; None without one.
+
+    `config` is the file, or the preset, that says how it was trained, None where it does itself.
+
+    Raises:
+        UserError: why it cannot be played, in one line.
+    """
+    if path is None:
+        if config is not None:
+            raise UserError('policy_config needs a network: set policy')
+        return None
+    # Here, because few play one.
+    from policy_player.player import Player
+    from policy_player.policy_file import read_policy
+
+    return Player(read_policy(path, config))
