@@ -8,13 +8,15 @@ page's server within half a second of wall time; that way is not part of it.
 
 from collections.abc import Callable
 import math
+import os
 from typing import Any
 
 import rclpy
 from table import Row
 from wasd_bringup.ros.face import make_ros_run
-from wasd_bringup.run.options import keep_alone, RunOptions
+from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
+from wasd_core.network import set_range
 
 SPEEDS = (0.5, 1.0, 2.0, 3.0)
 # What is slower than this has stopped [m/s]; the longest that is waited for it [s].
@@ -77,7 +79,7 @@ def trial(robot: str, speed: float, way: str) -> dict[str, Any]:
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Return a row for each robot and each way to stop."""
-    keep_alone()
+    set_range(os.environ, 'off')
     rclpy.init()
     rows = []
     for robot, (fastest, _, _) in ROBOTS.items():

@@ -28,8 +28,8 @@ from page_in_browser import chromium, open_page, screenshot, set_page_size
 from PIL import Image
 from robot_description.mujoco import geoms
 from run_scenarios import Page, run_with_hand
-from wasd_bringup.run.options import keep_alone
 from wasd_cockpit.link import Order
+from wasd_core.network import set_range
 
 FOLDER = ROOT / 'docs' / 'pictures'
 # From when on [s] which keys are pressed: it stands, trots, goes ahead and turns to the left.
@@ -104,7 +104,7 @@ def main() -> int:
         for picture in PICTURES:
             take(page, picture, folder)
 
-    keep_alone()
+    set_range(os.environ, 'off')
     with tempfile.TemporaryDirectory() as name:
         os.environ['XDG_CONFIG_HOME'] = name  # not what somebody has chosen on a page
         words = ['go2', '--viewer', 'web', '--world', 'room', '--map', '--seed', '1']

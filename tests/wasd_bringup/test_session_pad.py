@@ -2,6 +2,7 @@
 """`--gamepad`: the pad drives the robot in turn, and what is let go, lost or halted stands."""
 
 import time
+from types import SimpleNamespace
 
 from pads import PipePad
 import pytest
@@ -143,7 +144,7 @@ class Robot:
 
     def __init__(self, preset):
         self.velocities, self.words = [], []
-        self.pad_preset, self.say = preset, self.words.append
+        self.kind, self.say = SimpleNamespace(pad_preset=preset), self.words.append
 
     def drive(self, velocity, by):
         """Take a velocity of the pad's."""

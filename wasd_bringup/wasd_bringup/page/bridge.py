@@ -114,6 +114,7 @@ class CockpitBridge:
         self.restart = Restart(run.options)
         self._link = Link()
         self.content = Cockpit(self._link, usual_path())
+        self.close = self.content.close
         self.content.page.sight.open(run.world)
         navigations = run.navigations or len(run.robots) * [None]
         self._watched = [
@@ -160,10 +161,6 @@ class CockpitBridge:
         """Forget the past."""
         for watched in self._watched:
             watched.forget()
-
-    def close(self) -> None:
-        """End it."""
-        self.content.close()
 
     def step(self, now: float, period: float) -> None:
         """

@@ -38,7 +38,7 @@ class PadDriver:
         self._velocity = JoyTwist()
         self.node = GamepadNode(
             output=PadOutput(self._drive, press, self._say),
-            pad=PadParameters(device=device, preset=robots[self._driven].pad_preset),
+            pad=PadParameters(device=device, preset=robots[self._driven].kind.pad_preset),
         )
         self.disarm = self.node.disarm
         self.close = self.node.close
@@ -49,13 +49,13 @@ class PadDriver:
         """The first line for the user."""
         gamepad = self.node.gamepad
         awaits = '' if gamepad.is_there else f' ({gamepad.problem or "none is there yet"})'
-        return f'gamepad{awaits}: {PAD_HELP[self._robots[self._driven].pad_preset]}'
+        return f'gamepad{awaits}: {PAD_HELP[self._robots[self._driven].kind.pad_preset]}'
 
     def look(self) -> None:
         """Take what the pad has said."""
         active = self._active()
         if active != self._driven:
-            self.node.take_preset(self._robots[active].pad_preset)
+            self.node.take_preset(self._robots[active].kind.pad_preset)
             self._driven = active
         self.node.look()
 

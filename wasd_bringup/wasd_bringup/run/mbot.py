@@ -2,10 +2,8 @@
 """A robot of a run with two driven wheels: keys and velocities in, wheel speeds out."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
-from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.drive import DiffDrive, DiffDriveController
 from diff_drive_sim.limits import Velocity as DriveVelocity
 from diff_drive_sim.odometry import DiffDriveGeometry
@@ -45,7 +43,9 @@ class Mbot(Robot):
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
         super().__init__(options, loaded, world, simulation)
-        self.drive_unit = DiffDrive(loaded.robot, drive_settings(options, self.given))
+        file = options.drive_file
+        settings = DiffDriveParameters() if file is None else file.parameters
+        self.drive_unit = DiffDrive(loaded.robot, settings.changed(self.given))
         self.drive_unit.say = self.log.warning
         is_usual = options.preset == MBOT.preset
         self._other_presets = WASD_ADVICE if is_usual and not options.namespace else ''
@@ -249,27 +249,3 @@ class Mbot(Robot):
         states = zip(*map(unit.flip, (unit.fake.angles, unit.fake.speeds)), strict=True)
         pose = PlanarPose(x, y, yaw, linear, lateral, angular)
         place_robot(self.world, pose, dict(zip(self._wheels, states, strict=True)))
-
-
-def with_drive_file(options: RunOptions) -> RunOptions:
-    """
-    Return options with what their controller file says of the drive; it is read once.
-
-    Raises:
-        InvalidParameter: what is wrong with the file, with its line.
-    """
-    if options.controller is None:
-        return options
-    return replace(options, drive_file=read_controller_file(str(options.controller)))
-
-
-def drive_settings(options: RunOptions, given: dict[str, Any]) -> DiffDriveParameters:
-    """
-    Return the drive's parameters: those of the options' file, and others that they give.
-
-    Raises:
-        InvalidParameter: what is wrong with one.
-    """
-    file = options.drive_file
-    settings = DiffDriveParameters() if file is None else file.parameters
-    return settings.changed(given)

@@ -156,15 +156,6 @@ class RunOptions:
         )
 
 
-def keep_alone() -> None:
-    """
-    Let ROS talk to no other process once it is initialised, whatever the environment says.
-
-    An experiment is to be repeated: not even another run on this machine may join it.
-    """
-    set_range(os.environ, 'off')
-
-
 def choose_range(asked: str | None, is_experiment: bool) -> None:
     """
     Set the range of a run: as asked, else off for an experiment, else what the user has set.
@@ -179,4 +170,4 @@ def choose_range(asked: str | None, is_experiment: bool) -> None:
     elif asked is not None:
         set_range(os.environ, asked)
     elif is_experiment:
-        keep_alone()
+        set_range(os.environ, 'off')  # not even a run on this machine may join what is repeated

@@ -116,11 +116,6 @@ class Robot(ABC):
         return self.options.robot
 
     @property
-    def pad_preset(self) -> str:
-        """The preset of its gamepad."""
-        return self.kind.pad_preset
-
-    @property
     def estimator(self) -> str:
         """The source of its odometry."""
         return self.options.estimator

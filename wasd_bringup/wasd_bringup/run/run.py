@@ -137,14 +137,14 @@ class Run:
         self.switch = KeySwitch(len(self.robots))
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
         self._is_scheduled = False
-        self._gates: list[Callable[[], bool]] = []  # all must open before time goes on
         self.face = make_face(self) if make_face is not None else Face()
         for robot in self.robots:
             robot.on_e_stop = self.e_stop
             robot.prepare()
         self.guards = self._make_guards()
         self.navigations = self._make_navigations()
-        self._drivers: list[Driver] = [*self.navigations, *self._make_interfaces()]
+        self._interfaces = self._make_interfaces()
+        self._drivers: list[Driver] = [*self.navigations, *self._interfaces]
         self.face.begin()
         self._schedule()
 
@@ -199,11 +199,7 @@ class Run:
             if isinstance(robot, Go2):
                 guard = self.guards[number] if self.guards else idle_guard(robot)
                 made.append(UnitreeDriver(robot, guard=guard))
-        self._gates += [driver.may_advance for driver in made]
         return made
-
-    def _may_advance(self) -> bool:
-        return all(gate() for gate in self._gates)
 
     @property
     def active(self) -> int:
@@ -249,7 +245,7 @@ class Run:
                 poll=self._poll,
                 each_second=self.face.each_second,
                 duration=self.options.duration,
-                may_advance=self._may_advance,
+                may_advance=lambda: all(each.may_advance() for each in self._interfaces),
             )
         finally:
             self._wall_time += time.monotonic() - started

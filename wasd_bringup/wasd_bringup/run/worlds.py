@@ -60,12 +60,13 @@ def build_worlds(
 
 
 def _with_files(options: RunOptions) -> RunOptions:
-    if ROBOTS[options.robot].kind is not WHEELED:
+    if ROBOTS[options.robot].kind is not WHEELED or options.controller is None:
         return options
     # Here, because legs do without.
-    from wasd_bringup.run.mbot import with_drive_file
+    from diff_drive_sim.controller_file import read_controller_file
 
-    return with_drive_file(options)
+    file = read_controller_file(str(options.controller))
+    return dataclasses.replace(options, drive_file=file)
 
 
 def _load(options: RunOptions) -> Description:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import contextlib
 import dataclasses
 import math
+import os
 from pathlib import Path
 import sys
 import time
@@ -20,6 +21,7 @@ import rclpy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from wasd_core.network import set_range
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
@@ -27,7 +29,7 @@ from wasd_bringup.cli.options import read_number
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.ros.home import with_own_frames
 from wasd_bringup.run.inputs import BoxPlayer, ScriptedBox
-from wasd_bringup.run.options import keep_alone, RunOptions
+from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.worlds import build_worlds
 from wasd_bringup.tools.recording.bag_writer import RecordingError
 from wasd_bringup.tools.recording.reader import (
@@ -244,7 +246,7 @@ def _drive(
     bag: BagReader, options: RunOptions, ros_arguments: list[str], viewer: str, stop: StopSignals
 ) -> int:
     """Run the simulation with the recorded commands, by itself, and compare the paths."""
-    keep_alone()
+    set_range(os.environ, 'off')
     comparison = PathComparison(bag, robot_topics(bag, TRUTH))
     options = dataclasses.replace(options, duration=comparison.duration)
     init_ros(with_own_frames(ros_arguments))
