@@ -8,7 +8,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
-from teleop_keyboard.twist_mux_node import TwistMuxNode
+from teleop_keyboard.twist_mux_node import main, TwistMuxNode
 from visualization_msgs.msg import Marker
 from wasd_core.parameters import InvalidParameter
 
@@ -182,3 +182,23 @@ def test_a_wrong_table_is_named(spawn):
                 Parameter('topics.web.priority', value=1.5),
             ]
         )
+
+
+@pytest.mark.parametrize(
+    ('topic', 'said'),
+    [
+        (
+            'key-vel',
+            'Invalid topic name: topic name must not contain characters other than alphanumerics, '
+            "'_', '~', '{', or '}': 'key-vel'",
+        ),
+        (
+            '7',
+            "Trying to set parameter 'topics.keyboard.topic' to '7' of type 'INTEGER', expecting "
+            "type 'STRING': topics.keyboard.topic",
+        ),
+    ],
+)
+def test_a_topic_that_is_none_is_one_line(isolated_ros, capfd, topic, said):
+    assert main(['--ros-args', '-p', f'topics.keyboard.topic:={topic}']) == 2
+    assert capfd.readouterr().err == f'error: ROS: {said}\n'

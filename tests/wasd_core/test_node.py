@@ -254,6 +254,11 @@ BAD_ARGUMENTS = [
         ['--params-file', 'nowhere.yaml'],
         "ROS: Couldn't parse params file: '--params-file nowhere.yaml': Error opening YAML file",
     ),
+    (
+        ['-p', 'use_sim_time:=1'],
+        "ROS: Trying to set parameter 'use_sim_time' to '1' of type 'INTEGER', expecting type "
+        "'BOOL': use_sim_time",
+    ),
 ]
 
 

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from wasd_core.messages import to_stamp
 from wasd_core.rotations import Pose
 from wasd_core.topics import LATCHED, RELIABLE
-from wasd_navigation.guard_node import GuardNode
+from wasd_navigation.guard_node import GuardNode, main
 
 NOW = 100.0
 
@@ -78,3 +78,11 @@ def test_without_a_scan_nothing_passes(guard, drive) -> None:
     speed, said = drive(0.5)
     assert speed == 0.0
     assert said[-1] == 'stop: the lidar is silent'
+
+
+def test_a_topic_that_is_none_is_one_line(isolated_ros, capfd) -> None:
+    given = ('-p', 'robot_radius:=0.2', '-p', 'cmd_vel_in_topic:=cmd-vel')
+    assert main(['--ros-args', *given]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith('error: ROS: Invalid topic name: ')
+    assert line.endswith(": 'cmd-vel'")

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import rclpy
 from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError, WaitSet
 from rclpy.event_handler import EventHandler
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import (
     ConditionReachedException,
     ShutdownException,
@@ -56,7 +57,7 @@ def explain_ros_errors() -> Iterator[None]:
     Context in which ROS is initialised and nodes are made.
 
     Raises:
-        UserError: rcl's reason, e.g. an argument that is none, or a topic of two types.
+        UserError: its reason, e.g. an argument or a name that is none, or a parameter's type.
     """
     try:
         yield
@@ -64,6 +65,10 @@ def explain_ros_errors() -> Iterator[None]:
         raise UserError(f'unknown ROS arguments: {error}') from None
     except RCLError as error:
         raise UserError(f'ROS: {_first_words(str(error))}') from None
+    except (ParameterException, NameValidationException) as error:
+        # The second line of the latter is the name, the third an arrow to a character of it.
+        words = ' '.join(line.strip() for line in str(error).splitlines()[:2])
+        raise UserError(f'ROS: {words}') from None
 
 
 def _first_words(error: str) -> str:

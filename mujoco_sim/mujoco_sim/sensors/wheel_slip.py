@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from robot_description.morphology.rollers import is_upright
 from robot_description.robot import Robot
 
 from mujoco_sim.sensors.mount import Snapshot
@@ -12,6 +13,8 @@ from mujoco_sim.world import World
 
 # Below this speed [m/s] of tread and wheel alike, nothing is said to slip.
 STANDSTILL = 0.001
+# What has its axle along the robot's z, within this angle [rad], rolls nowhere.
+FLAT = 1e-6
 
 
 class Slip(NamedTuple):
@@ -59,7 +62,11 @@ class WheelSlip:
             mujoco.mj_objectVelocity(self._model, data, kind, wheel.body, motion, False)
             axle = data.xmat[wheel.body].reshape(3, 3) @ wheel.axle
             ahead = np.cross(axle, up)
-            moving = float(ahead @ motion[3:]) / float(np.linalg.norm(ahead))
+            length = float(np.linalg.norm(ahead))
+            if length < FLAT:
+                slips.append(Slip(0.0, 0.0))
+                continue
+            moving = float(ahead @ motion[3:]) / length
             slips.append(slip(wheel.radius * float(axle @ motion[:3]), moving))
         return slips
 
@@ -77,9 +84,11 @@ def slip(rolling: float, moving: float) -> Slip:
 
 
 def _find_wheels(world: World, robot: Robot) -> list[_Wheel]:
-    """Return the links that are cylinders turning about their own axis."""
+    """Return the links that are cylinders turning about their own axis, which is not upright."""
     wheels = []
     for joint in robot.movable_joints:
+        if is_upright(robot, joint):
+            continue  # a turret, a lidar, a swivel
         body = world.parts.body(joint.child)
         for shape in robot.links[joint.child].collisions:
             along = shape.kind == 'cylinder' and abs(shape.pose.rotation[:, 2] @ joint.axis)
