@@ -279,3 +279,68 @@ def test_mbot_drives_by_velocity_and_a_key_takes_over():
     assert car.state == 'stopped'
     with pytest.raises(wasd.UserError, match='finite'):
         car.drive(float('nan'))
+
+
+def speed(robot: Any) -> float:
+    return float(np.linalg.norm(robot.truth.linear_velocity))
+
+
+def test_esc_stops_wheels_that_a_key_or_a_velocity_drives_and_keys_drive_again():
+    import wasd
+
+    car = wasd.Mbot(preset='ramps')
+    for drive in (lambda: car.press('w'), lambda: car.drive(0.4), lambda: car.press('w')):
+        drive()
+        car.run(1.0)
+        assert speed(car) > 0.3
+        car.press('ESC')
+        car.run(3.0)
+        assert speed(car) < 0.001
+
+
+def test_a_key_that_was_held_at_esc_drives_again():
+    import wasd
+
+    car = wasd.Mbot()
+    moved = []
+    for _ in range(2):
+        start = car.truth.position[0]
+        car.press('i')
+        car.run(0.5)
+        moved.append(car.truth.position[0] - start)
+        car.press('ESC')
+        car.run(1.0)
+    assert min(moved) > 0.03
+
+
+def test_esc_lets_the_legs_go_and_ends_the_velocity():
+    import wasd
+
+    dog = wasd.Go2(estimator='truth')
+    for _ in range(2):
+        for key in '25':
+            dog.press(key)
+            dog.run(2.0)
+        assert (dog.state, speed(dog) < 0.1) == ('move base', True)
+        dog.drive(0.5)
+        dog.run(0.7)
+        assert speed(dog) > 0.3
+        dog.press('ESC')
+        assert dog.state == 'passive'
+        dog.run(2.0)
+
+
+def test_parts_of_a_time_step_add_up_until_a_reset():
+    import wasd
+
+    car = wasd.Mbot()
+    for rate in (60, 3000):
+        start = car.time
+        for _ in range(rate):
+            car.run(1.0 / rate)
+        assert car.time - start == pytest.approx(1.0, abs=0.001)
+    car.run(0.0014)
+    car.reset()
+    start = car.time
+    car.run(0.0014)
+    assert car.time - start == pytest.approx(0.001)

@@ -249,6 +249,11 @@ def test_a_script_has_it_stand_and_driven(tmp_path):
     assert (robot.state, robot.is_held) == ('policy', False)
     assert robot._robot.sample().command[0] == pytest.approx(0.3)
     assert robot.truth.tilt < 0.1
+    robot.press('h')
+    robot.run(0.2)
+    assert robot._robot.sample().command[0] == pytest.approx(0.3)
+    robot.press('ESC')
+    assert robot.state == 'passive'
     robot.reset()
     assert (robot.state, robot.is_held) == ('passive', True)
     again = wasd.G1(seed=2, policy=network(tmp_path))

@@ -50,6 +50,8 @@ class Robot:
             robot.log.warning(note)
         robot.prepare()
         self._velocity: Velocity | None = None
+        self._part_of_a_step = 0.0  # that `run` has yet to simulate, of a time step
+        robot.on_e_stop = self._e_stop
         self._world, self._simulation = robot.world, robot.simulation
         # What holds a velocity is the step of the controller alone.
         schedule = self._simulation.schedule
@@ -82,13 +84,18 @@ class Robot:
         """
         Simulate a time [s], as fast as possible; with a window, in real time.
 
+        It is a whole number of time steps; what is left of one is added to the next call.
+
         Raises:
             UserError: the time is negative or longer than a run can be.
         """
         if not 0.0 <= seconds <= LONGEST_RUN:
             raise UserError(f'run: got {seconds} s, wanted a time >= 0 and <= {LONGEST_RUN:g}')
         with self._alone('run'):
-            end = self._world.tick + round(seconds / self._world.time_step)
+            wanted = seconds / self._world.time_step + self._part_of_a_step
+            steps = round(wanted)
+            self._part_of_a_step = wanted - steps
+            end = self._world.tick + steps
             self._simulation.run(
                 stop=lambda: self._world.tick >= end,
                 poll=self._show,
@@ -118,6 +125,7 @@ class Robot:
     def reset(self) -> None:
         """Put the robot back to its start, controller included; time goes on."""
         with self._alone('reset'):
+            self._part_of_a_step = 0.0
             self._simulation.reset()
 
     @checked
@@ -176,6 +184,12 @@ class Robot:
 
     def _forget(self) -> None:
         self._velocity = None
+
+    def _e_stop(self, by: str) -> None:
+        """Stop the robot; no key is refused after it, as a script holds none down."""
+        self._velocity = None
+        self._robot.stop()
+        self._robot.let_go()
 
     def _show(self, timeout: float) -> None:
         if self._window is not None:
@@ -260,7 +274,7 @@ class Go2(Robot):
     def press(self, key: str) -> str | None:
         """
         Press a key of the Go2: a state (0 to 9, v, p), a stick (w a s d j l i k, space), a gait
-        (n, N) or e, which opens and shuts its eyes.
+        (n, N), e, which opens and shuts its eyes, or ESC, the E-STOP.
 
         Return what the status line would say to it, if anything: a key that does nothing in this
         state says what to press, and that of the present state that it is there already.
@@ -269,6 +283,8 @@ class Go2(Robot):
             UserError: the state cannot follow the present one, and what to press; or no text.
         """
         with self._alone('press'):
+            if self._robot.heeds_e_stop(key, 'script'):
+                return None
             controller = self._robot.legs.controller
             said: str | None = controller.press(key)
             state = controller.coming_state
@@ -344,18 +360,21 @@ class G1(Robot):
     @checked
     def press(self, key: str) -> None:
         """
-        Press 1, 2 or p for a state, or h for the hoist.
+        Press 1, 2 or p for a state, h for the hoist, or ESC, the E-STOP.
 
         Raises:
             UserError: another key, or the state cannot follow the present one, and what to press.
         """
         with self._alone('press'):
+            if self._robot.heeds_e_stop(key, 'script'):
+                return
             refusals = {choice.key: choice.refusal for choice in self._robot.choices()}
             if key not in refusals:
                 raise UserError(f'press: got {key!r}, wanted {", ".join(refusals)}')
             if refusals[key]:
                 raise UserError(refusals[key])
-            self._velocity = None
+            if key in STATE_KEYS:  # the hoist's leaves it in force
+                self._velocity = None
             self._robot.press_state(key)
 
     @checked
@@ -425,7 +444,7 @@ class Mbot(Robot):
     @checked
     def press(self, key: str) -> None:
         """
-        Press a key of the keymap; held keys are pressed again, 30 times a second.
+        Press a key of the keymap, or ESC; held keys are pressed again, 30 times a second.
 
         Raises:
             UserError: no text.
