@@ -167,12 +167,7 @@ def _cells(
     thresholds: tuple[float, float] = (FREE_THRESHOLD, OCCUPIED_THRESHOLD),
     mode: str = 'trinary',
 ) -> np.ndarray:
-    """
-    Return the cells of how occupied pixels are, shape (rows, columns).
-
-    Raises:
-        MapFileError: they are too few, or too many for their size.
-    """
+    """Return the cells of how occupied pixels are, shape (rows, columns)."""
     free, occupied = thresholds
     if min(shares.shape) < FEWEST:
         rows, columns = shares.shape

@@ -159,9 +159,6 @@ def _refuse_pipes(args: Sequence[str]) -> None:
     Refuse a named pipe of parameters: ROS waits for its writer, without end.
 
     A shell's `<(...)` is none: its writer is there.
-
-    Raises:
-        UserError: which it is.
     """
     for word, path in zip(args, args[1:], strict=False):
         is_other = word != '--params-file' or path.startswith(OPEN_FILES)

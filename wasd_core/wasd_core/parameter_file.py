@@ -183,12 +183,7 @@ def _all_keys(node: yaml.Node) -> Iterator[str]:
 
 
 def _entries(node: yaml.MappingNode) -> dict[str, Entry]:
-    """
-    Return scalars and lists by dotted names.
-
-    Raises:
-        InvalidParameter: a name is there twice, as `a.b` and as b in a.
-    """
+    """Return scalars and lists by dotted names, of which `a.b` and b in a are one."""
     found: dict[str, Entry] = {}
     for name, entry in flat(node):
         if name in found:
