@@ -98,4 +98,3 @@ GAITS = {
         rough=0.0,
     ),
 }
-DUTY_MAX = 0.95

@@ -4,14 +4,15 @@ Tuning of the leg controller, validated; docs/references.md resolves the papers'
 
 The numbers are the Go2's, also those that a user gives, and so are the spans that these keep to:
 set to either end of one while it trots, the Go2 walks on (benchmarks/parameter_bounds.py).
-`scale_parameters` gives the numbers of another robot, by the units that stand here.
+`scale_parameters` gives the numbers of another robot, by the units that stand here; a number that
+it lowers by what a description says of feet or motors has a bound besides.
 """
 
 from dataclasses import dataclass
 
 from wasd_core.parameters import InvalidParameter, parameter, Parameters
 
-from quadruped_sim.presets import DUTY_MAX, GAITS, LIMITS
+from quadruped_sim.presets import GAITS, LIMITS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,38 +22,27 @@ class GaitParameters(Parameters):
     name: str = parameter('trot', name='gait', choices=GAITS, doc='Order in which the feet step')
     slow_period: float = parameter(
         0.45,
-        above=0.0,
         unit='s',
         span=(0.3, 0.6),
         doc='Gait period up to slow_speed; unitree_guide trots at 0.45 s',
     )
     fast_period: float = parameter(
-        0.26, above=0.0, unit='s', span=(0.2, 0.45), doc='Gait period from fast_speed on'
+        0.26, unit='s', span=(0.2, 0.45), doc='Gait period from fast_speed on'
     )
     slow_duty: float = parameter(
-        0.55,
-        above=0.0,
-        maximum=DUTY_MAX,
-        span=(0.45, 0.7),
-        doc='Share of the period a foot stands, up to slow_speed',
+        0.55, span=(0.45, 0.7), doc='Share of the period a foot stands, up to slow_speed'
     )
     fast_duty: float = parameter(
-        0.27,
-        above=0.0,
-        maximum=DUTY_MAX,
-        span=(0.2, 0.6),
-        doc='Share of the period a foot stands, from fast_speed on',
+        0.27, span=(0.2, 0.6), doc='Share of the period a foot stands, from fast_speed on'
     )
     slow_speed: float = parameter(
         0.4,
-        minimum=0.0,
         unit='m/s',
         span=(0.0, 1.0),
         doc='Commanded speed below which the gait is the slow one',
     )
     fast_speed: float = parameter(
         3.0,
-        above=0.0,
         unit='m/s',
         span=(2.0, 6.0),
         doc='Commanded speed above which the gait is the fast one',
@@ -77,38 +67,19 @@ class GaitParameters(Parameters):
         doc='Height of the swing foot after a stumble, on rough ground',
     )
     terrain_time: float = parameter(
-        2.0,
-        above=0.0,
-        unit='s',
-        span=(0.1, 20.0),
-        doc='Time constant of forgetting rough ground',
+        2.0, unit='s', span=(0.1, 20.0), doc='Time constant of forgetting rough ground'
     )
     haste_error: float = parameter(
-        0.35,
-        minimum=0.0,
-        unit='m/s',
-        span=(0.1, 2.0),
-        doc='Velocity error above which the gait speeds up',
+        0.35, unit='m/s', span=(0.1, 2.0), doc='Velocity error above which the gait speeds up'
     )
     haste_gain: float = parameter(
-        3.0,
-        minimum=0.0,
-        span=(0.0, 6.0),
-        doc='Gain of gait speed per velocity error above that',
+        3.0, span=(0.0, 6.0), doc='Gain of gait speed per velocity error above that'
     )
     haste_decay: float = parameter(
-        2.0,
-        above=0.0,
-        unit='m/s^2',
-        span=(0.2, 20.0),
-        doc='Rate at which the gait slows to normal again',
+        2.0, unit='m/s^2', span=(0.2, 20.0), doc='Rate at which the gait slows to normal again'
     )
     early_contact_phase: float = parameter(
-        0.6,
-        minimum=0.0,
-        maximum=1.0,
-        span=(0.3, 1.0),
-        doc='Share of the swing after which a touch ends it',
+        0.6, span=(0.3, 1.0), doc='Share of the swing after which a touch ends it'
     )
 
 
@@ -117,15 +88,10 @@ class FootholdParameters(Parameters):
     """Where the feet land [Raibert1986]."""
 
     velocity_gain: float = parameter(
-        0.04,
-        minimum=0.0,
-        unit='s',
-        span=(0.0, 0.08),
-        doc='Foothold shift per error of velocity (capture term)',
+        0.04, unit='s', span=(0.0, 0.08), doc='Foothold shift per error of velocity (capture term)'
     )
     reach: float = parameter(
         0.35,
-        above=0.0,
         unit='m',
         span=(0.2, 0.5),
         doc='Largest horizontal distance of a foothold from its hip',
@@ -136,13 +102,12 @@ class FootholdParameters(Parameters):
 class MpcParameters(Parameters):
     """Single-rigid-body convex MPC [DiCarlo2018]."""
 
-    steps: int = parameter(12, minimum=2, maximum=40, span=(8, 24), doc='Steps of the horizon')
+    steps: int = parameter(12, span=(8, 24), doc='Steps of the horizon')
     step: float = parameter(
-        0.025, above=0.0, unit='s', span=(0.015, 0.04), doc='Duration of one horizon step'
+        0.025, unit='s', span=(0.015, 0.04), doc='Duration of one horizon step'
     )
     period: float = parameter(
         0.02,
-        above=0.0,
         unit='s',
         span=(0.004, 0.05),
         doc='Time between solutions; every contact switch adds one',
@@ -154,26 +119,22 @@ class MpcParameters(Parameters):
         doc='Friction coefficient that limits forces; a guess at first, then estimated: see grip',
     )
     force_min: float = parameter(
-        5.0, minimum=0.0, unit='N', span=(0.0, 20.0), doc='Smallest normal force of a foot'
+        5.0, unit='N', span=(0.0, 20.0), doc='Smallest normal force of a foot'
     )
     force_max: float = parameter(
-        260.0, above=0.0, unit='N', span=(150.0, 600.0), doc='Largest normal force of a foot'
+        260.0, unit='N', span=(150.0, 600.0), doc='Largest normal force of a foot'
     )
     pose_weights: tuple[float, ...] = parameter(
         (80.0, 120.0, 60.0, 30.0, 30.0, 250.0),
-        minimum=0.0,
         span=((27.0, 40.0, 20.0, 10.0, 10.0, 83.0), (240.0, 360.0, 180.0, 90.0, 90.0, 750.0)),
         doc='Cost of roll, pitch, yaw, x, y, z errors',
     )
     rate_weights: tuple[float, ...] = parameter(
         (1.0, 2.0, 2.0, 8.0, 8.0, 4.0),
-        minimum=0.0,
         span=((0.33, 0.67, 0.67, 2.7, 2.7, 1.3), (3.0, 6.0, 6.0, 24.0, 24.0, 12.0)),
         doc='Cost of angular and linear velocity errors',
     )
-    force_weight: float = parameter(
-        4e-5, above=0.0, span=(1e-05, 0.0002), doc='Cost of force squared'
-    )
+    force_weight: float = parameter(4e-5, span=(1e-05, 0.0002), doc='Cost of force squared')
 
     def __post_init__(self) -> None:
         """Check each value, and that there is a force between the two limits."""
@@ -191,75 +152,50 @@ class WholeBodyParameters(Parameters):
 
     acceleration_weights: tuple[float, ...] = parameter(
         (1.0, 1.0, 1.0, 0.3, 0.3, 0.1),
-        minimum=0.0,
         span=((0.33, 0.33, 0.33, 0.1, 0.1, 0.033), (3.0, 3.0, 3.0, 0.9, 0.9, 0.3)),
         doc='Cost of linear and angular base acceleration errors',
     )
     force_weight: float = parameter(
-        1e-3, above=0.0, span=(0.0002, 0.005), doc='Cost of leaving the MPC forces'
+        1e-3, span=(0.0002, 0.005), doc='Cost of leaving the MPC forces'
     )
     position_gains: tuple[float, ...] = parameter(
         (0.0, 0.0, 30.0),
-        minimum=0.0,
         unit='1/s^2',
         span=((0.0, 0.0, 10.0), (20.0, 20.0, 90.0)),
         doc='Base acceleration per position error, x y z',
     )
     velocity_gains: tuple[float, ...] = parameter(
         (2.0, 2.0, 6.0),
-        minimum=0.0,
         unit='1/s',
         span=((0.0, 0.0, 2.0), (6.0, 6.0, 18.0)),
         doc='Base acceleration per velocity error, x y z',
     )
     rotation_gains: tuple[float, ...] = parameter(
         (80.0, 80.0, 20.0),
-        minimum=0.0,
         unit='1/s^2',
         span=((27.0, 27.0, 6.7), (240.0, 240.0, 60.0)),
         doc='Angular acceleration per rotation error',
     )
     rate_gains: tuple[float, ...] = parameter(
         (12.0, 12.0, 6.0),
-        minimum=0.0,
         unit='1/s',
         span=((4.0, 4.0, 2.0), (36.0, 36.0, 18.0)),
         doc='Angular acceleration per rate error',
     )
     swing_position_gain: float = parameter(
-        900.0,
-        minimum=0.0,
-        unit='1/s^2',
-        span=(300.0, 2700.0),
-        doc='Swing foot acceleration per position error',
+        900.0, unit='1/s^2', span=(300.0, 2700.0), doc='Swing foot acceleration per position error'
     )
     swing_velocity_gain: float = parameter(
-        50.0,
-        minimum=0.0,
-        unit='1/s',
-        span=(20.0, 150.0),
-        doc='Swing foot acceleration per velocity error',
+        50.0, unit='1/s', span=(20.0, 150.0), doc='Swing foot acceleration per velocity error'
     )
     swing_kp: float = parameter(
-        10.0,
-        minimum=0.0,
-        unit='N m/rad',
-        span=(0.0, 30.0),
-        doc='Joint stiffness of a swing leg in the motor',
+        10.0, unit='N m/rad', span=(0.0, 30.0), doc='Joint stiffness of a swing leg in the motor'
     )
     swing_kd: float = parameter(
-        0.5,
-        minimum=0.0,
-        unit='N m s/rad',
-        span=(0.1, 1.5),
-        doc='Joint damping of a swing leg in the motor',
+        0.5, unit='N m s/rad', span=(0.1, 1.5), doc='Joint damping of a swing leg in the motor'
     )
     stance_kd: float = parameter(
-        0.3,
-        minimum=0.0,
-        unit='N m s/rad',
-        span=(0.0, 1.0),
-        doc='Joint damping of a stance leg in the motor',
+        0.3, unit='N m s/rad', span=(0.0, 1.0), doc='Joint damping of a stance leg in the motor'
     )
 
 
@@ -269,42 +205,33 @@ class BalanceParameters(Parameters):
 
     position_gains: tuple[float, ...] = parameter(
         (60.0, 60.0, 80.0),
-        minimum=0.0,
         unit='1/s^2',
         span=((1.0, 1.0, 1.0), (180.0, 180.0, 240.0)),
         doc='Base acceleration per position error, x y z',
     )
     velocity_gains: tuple[float, ...] = parameter(
         (12.0, 12.0, 14.0),
-        minimum=0.0,
         unit='1/s',
         span=((4.0, 4.0, 4.7), (36.0, 36.0, 42.0)),
         doc='Base acceleration per velocity error, x y z',
     )
     rotation_gains: tuple[float, ...] = parameter(
         (120.0, 120.0, 80.0),
-        minimum=0.0,
         unit='1/s^2',
         span=((40.0, 40.0, 27.0), (360.0, 360.0, 240.0)),
         doc='Angular acceleration per rotation error',
     )
     rate_gains: tuple[float, ...] = parameter(
         (16.0, 16.0, 14.0),
-        minimum=0.0,
         unit='1/s',
         span=((5.3, 5.3, 4.7), (48.0, 48.0, 42.0)),
         doc='Angular acceleration per rate error',
     )
     acceleration_max: float = parameter(
-        5.0,
-        above=0.0,
-        unit='m/s^2',
-        span=(1.0, 20.0),
-        doc='Largest desired linear acceleration, per axis',
+        5.0, unit='m/s^2', span=(1.0, 20.0), doc='Largest desired linear acceleration, per axis'
     )
     rotation_max: float = parameter(
         40.0,
-        above=0.0,
         unit='rad/s^2',
         span=(10.0, 160.0),
         doc='Largest desired angular acceleration, per axis',
@@ -316,35 +243,22 @@ class ReferenceParameters(Parameters):
     """Desired motion of the base in trot."""
 
     height: float = parameter(
-        0.30,
-        above=0.0,
-        unit='m',
-        span=(0.22, 0.34),
-        doc="Height of the hips above the feet's ground",
+        0.30, unit='m', span=(0.22, 0.34), doc="Height of the hips above the feet's ground"
     )
     position_leash: float = parameter(
         0.10,
-        above=0.0,
         unit='m',
         span=(0.02, 0.3),
         doc='Farthest the desired position runs ahead of the real one',
     )
     velocity_integral: float = parameter(
-        0.6,
-        minimum=0.0,
-        unit='1/s',
-        span=(0.0, 2.0),
-        doc='Integral gain on velocity, against steady slip',
+        0.6, unit='1/s', span=(0.0, 2.0), doc='Integral gain on velocity, against steady slip'
     )
     velocity_integral_limit: float = parameter(
-        0.3,
-        minimum=0.0,
-        unit='m/s',
-        span=(0.0, 1.0),
-        doc='Largest correction by the velocity integral',
+        0.3, unit='m/s', span=(0.0, 1.0), doc='Largest correction by the velocity integral'
     )
     height_integral: float = parameter(
-        1.5, minimum=0.0, unit='1/s', span=(0.0, 5.0), doc='Integral gain on height'
+        1.5, unit='1/s', span=(0.0, 5.0), doc='Integral gain on height'
     )
 
 
@@ -353,18 +267,12 @@ class GroundParameters(Parameters):
     """Plane under the feet, from where they stood last."""
 
     slope_time: float = parameter(
-        0.25, above=0.0, unit='s', span=(0.05, 2.0), doc='Time constant of the estimated slope'
+        0.25, unit='s', span=(0.05, 2.0), doc='Time constant of the estimated slope'
     )
     height_time: float = parameter(
-        0.1,
-        above=0.0,
-        unit='s',
-        span=(0.03, 1.0),
-        doc='Time constant of the estimated ground height',
+        0.1, unit='s', span=(0.03, 1.0), doc='Time constant of the estimated ground height'
     )
-    slope_max: float = parameter(
-        0.6, minimum=0.0, unit='rad', span=(0.0, 1.0), doc='Largest slope estimate'
-    )
+    slope_max: float = parameter(0.6, unit='rad', span=(0.0, 1.0), doc='Largest slope estimate')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -372,16 +280,16 @@ class ContactParameters(Parameters):
     """Contact from joint torques: a momentum observer [DeLuca2006] with hysteresis."""
 
     bandwidth: float = parameter(
-        120.0, above=0.0, unit='rad/s', span=(40.0, 400.0), doc='Bandwidth of the force estimate'
+        120.0, unit='rad/s', span=(40.0, 400.0), doc='Bandwidth of the force estimate'
     )
     force_on: float = parameter(
-        25.0, above=0.0, unit='N', span=(20.0, 50.0), doc='Normal force that makes a contact'
+        25.0, unit='N', span=(20.0, 50.0), doc='Normal force that makes a contact'
     )
     force_off: float = parameter(
-        12.0, above=0.0, unit='N', span=(4.0, 18.0), doc='Normal force that ends a contact'
+        12.0, unit='N', span=(4.0, 18.0), doc='Normal force that ends a contact'
     )
     load_time: float = parameter(
-        0.5, above=0.0, unit='s', span=(0.1, 5.0), doc='Time constant of the estimate of a load'
+        0.5, unit='s', span=(0.1, 5.0), doc='Time constant of the estimate of a load'
     )
 
     def __post_init__(self) -> None:
@@ -399,35 +307,19 @@ class GripParameters(Parameters):
     """Friction by what feet feel [Focchi2018]; `mpc.friction` is the guess it starts from."""
 
     slip_speed: float = parameter(
-        0.25,
-        above=0.0,
-        unit='m/s',
-        span=(0.1, 1.0),
-        doc='Speed above which a stance foot slips',
+        0.25, unit='m/s', span=(0.1, 1.0), doc='Speed above which a stance foot slips'
     )
     share: float = parameter(
-        0.8,
-        above=0.0,
-        maximum=1.0,
-        span=(0.4, 1.0),
-        doc='Share of the estimated friction that forces may use',
+        0.8, span=(0.4, 1.0), doc='Share of the estimated friction that forces may use'
     )
     fall_time: float = parameter(
-        0.02,
-        above=0.0,
-        unit='s',
-        span=(0.01, 0.2),
-        doc='Time constant at which slipping feet lower it',
+        0.02, unit='s', span=(0.01, 0.2), doc='Time constant at which slipping feet lower it'
     )
     rise: float = parameter(
-        0.5,
-        minimum=0.0,
-        unit='1/s',
-        span=(0.0, 3.0),
-        doc='Rate at which loaded feet without slip raise it',
+        0.5, unit='1/s', span=(0.0, 3.0), doc='Rate at which loaded feet without slip raise it'
     )
-    least: float = parameter(0.1, above=0.0, span=(0.05, 0.3), doc='Smallest friction estimate')
-    most: float = parameter(0.7, above=0.0, span=(0.4, 1.2), doc='Largest friction estimate')
+    least: float = parameter(0.1, span=(0.05, 0.3), doc='Smallest friction estimate')
+    most: float = parameter(0.7, span=(0.4, 1.2), doc='Largest friction estimate')
 
     def __post_init__(self) -> None:
         """Check each value, and that there is a friction to believe in."""
@@ -444,93 +336,66 @@ class EstimatorParameters(Parameters):
 
     acceleration_noise: float = parameter(
         0.04,
-        above=0.0,
         unit='m/s^2',
         span=(0.01, 0.4),
         doc='Accelerometer, without its bias: velocity lost per root second',
     )
     bias: float = parameter(
         0.05,
-        minimum=0.0,
         unit='m/s^2',
         span=(0.0, 0.5),
         doc="Standard deviation of the accelerometer's bias at the start",
     )
     bias_noise: float = parameter(
-        0.005,
-        minimum=0.0,
-        unit='m/s^2',
-        span=(0.0, 0.05),
-        doc='Random walk of that bias per root second',
+        0.005, unit='m/s^2', span=(0.0, 0.05), doc='Random walk of that bias per root second'
     )
     foot_noise: float = parameter(
-        0.02,
-        above=0.0,
-        unit='m/s',
-        span=(0.005, 0.1),
-        doc='Slip of a standing foot, white, per root second',
+        0.02, unit='m/s', span=(0.005, 0.1), doc='Slip of a standing foot, white, per root second'
     )
     kinematics_noise: float = parameter(
         0.004,
-        above=0.0,
         unit='m',
         span=(0.001, 0.02),
         doc='Standard deviation of a foot position by joint angles',
     )
     velocity_noise: float = parameter(
         0.08,
-        above=0.0,
         unit='m/s',
         span=(0.02, 0.3),
         doc='Standard deviation of base velocity by one standing leg',
     )
     slip_speed: float = parameter(
         0.05,
-        above=0.0,
         unit='m/s',
         span=(0.02, 0.2),
         doc='Disagreement of a foot with the IMU that halves its weight',
     )
     gyro_noise: float = parameter(
-        0.01,
-        above=0.0,
-        unit='rad/s',
-        span=(0.002, 0.1),
-        doc='Standard deviation of a reading of the gyro',
+        0.01, unit='rad/s', span=(0.002, 0.1), doc='Standard deviation of a reading of the gyro'
     )
     gyro_bias: float = parameter(
         2e-4,
-        minimum=0.0,
         unit='rad/s',
         span=(0.0, 0.01),
         doc="Standard deviation of the gyro's bias at the start",
     )
     gyro_walk: float = parameter(
-        5e-6,
-        minimum=0.0,
-        unit='rad/s',
-        span=(0.0, 0.0001),
-        doc='Random walk of that bias per root second',
+        5e-6, unit='rad/s', span=(0.0, 0.0001), doc='Random walk of that bias per root second'
     )
     level_band: float = parameter(
         0.05,
-        minimum=0.0,
         unit='m',
         span=(0.0, 0.2),
         doc='Height above the estimated ground from which a foot stands on other ground',
     )
     level_time: float = parameter(
         0.2,
-        above=0.0,
         unit='s',
         span=(0.05, 3.0),
         doc='Time constant of what draws feet on even ground to its level',
     )
     level_slope: float = parameter(
-        0.02,
-        above=0.0,
-        span=(0.005, 0.2),
-        doc='Slope above which ground counts as uneven',
+        0.02, span=(0.005, 0.2), doc='Slope above which ground counts as uneven'
     )
     level_rate: float = parameter(
         2.5,
@@ -540,30 +405,24 @@ class EstimatorParameters(Parameters):
     )
     step_band: float = parameter(
         0.03,
-        minimum=0.0,
         unit='m',
         span=(0.0, 0.1),
         doc='Feet farther off the plane of the steps before are not drawn to it',
     )
     step_time: float = parameter(
-        0.04, above=0.0, unit='s', span=(0.02, 1.0), doc='Time constant of that draw'
+        0.04, unit='s', span=(0.02, 1.0), doc='Time constant of that draw'
     )
     step_speed: float = parameter(
-        2.0, above=0.0, unit='m/s', span=(0.5, 6.0), doc='Speed from which on that draw is whole'
+        2.0, unit='m/s', span=(0.5, 6.0), doc='Speed from which on that draw is whole'
     )
     step_middle: float = parameter(
         0.12,
-        above=0.0,
         unit='m',
         span=(0.03, 0.4),
         doc="Feet whose middle is farther from the base's are not drawn to that plane",
     )
     phase_window: float = parameter(
-        0.1,
-        minimum=0.0,
-        maximum=0.5,
-        span=(0.0, 0.5),
-        doc='Share of stance at both ends with less trust',
+        0.1, span=(0.0, 0.5), doc='Share of stance at both ends with less trust'
     )
 
 
@@ -591,21 +450,16 @@ class CommandParameters(Parameters):
         doc='Largest speed times yaw rate; beyond, both are lowered',
     )
     yaw_acceleration: float = parameter(
-        6.0, above=0.0, unit='rad/s^2', span=(0.5, 30.0), doc='Ramp of yaw rate'
+        6.0, unit='rad/s^2', span=(0.5, 30.0), doc='Ramp of yaw rate'
     )
     leash: float = parameter(
         0.35,
-        above=0.0,
         unit='m/s',
         span=(0.1, 2.0),
         doc='Lag of a Go2 that slows the growth of its command; twice this lag stops it',
     )
     timeout: float = parameter(
-        0.5,
-        above=0.0,
-        unit='s',
-        span=(0.1, 5.0),
-        doc='Silence on cmd_vel after which the command is zero',
+        0.5, unit='s', span=(0.1, 5.0), doc='Silence on cmd_vel after which the command is zero'
     )
 
 
@@ -619,7 +473,7 @@ class JumpParameters(Parameters):
     """
 
     height: float = parameter(
-        0.18, above=0.0, unit='m', span=(0.05, 0.2), doc='Rise of the base after take-off'
+        0.18, unit='m', span=(0.05, 0.2), doc='Rise of the base after take-off'
     )
     distance: float = parameter(
         0.0,
@@ -645,18 +499,16 @@ class SafetyParameters(Parameters):
 
     tilt_max: float = parameter(
         1.0471975511965976,
-        above=0.0,
         unit='rad',
         span=(0.6, 1.4),
         doc='Tilt above which it becomes passive: 60 deg',
     )
     joint_margin: float = parameter(
         0.3,
-        minimum=0.0,
         unit='rad',
         span=(0.05, 1.0),
         doc='Largest plausible overshoot of a joint reading past its limit',
     )
     solver_failures: int = parameter(
-        25, minimum=1, span=(5, 500), doc='Failed QPs in a row after which it becomes passive'
+        25, span=(5, 500), doc='Failed QPs in a row after which it becomes passive'
     )

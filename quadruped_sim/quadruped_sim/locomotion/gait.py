@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadruped_sim.presets import DUTY_MAX, GaitRow, GAITS
+from quadruped_sim.presets import GaitRow, GAITS
 from quadruped_sim.tuning import GaitParameters
 
 # How fast a gait becomes another while the legs move: shares of a period, and of each of the
@@ -18,6 +18,7 @@ _PUSHED, _CATCH = 1.0, 2.0
 # How far the share of the period that feet stand follows haste. A pushed robot steps quickly but
 # must be carried: with the flight phases of a fast trot, one that is loaded sinks to its knees.
 _LIGHTNESS = 0.5
+_DUTY_MAX = 0.95
 
 
 class GaitState(NamedTuple):
@@ -161,7 +162,7 @@ class Gait:
         duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
         # A robot that is to stop on four feet needs a moment in which all of them stand.
         least = 0.0 if wants_steps else duty_to_rest(self._offsets)
-        self._duty = min(max(duty + longer, least), DUTY_MAX)
+        self._duty = min(max(duty + longer, least), _DUTY_MAX)
 
     def _leg_phases(self) -> list[float]:
         # In plain numbers: numpy takes ten times as long for four of them.
