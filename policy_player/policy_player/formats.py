@@ -7,7 +7,7 @@ config.yaml, unitree_rl_gym a yaml of its own; legged_gym and MuJoCo Playground 
 are presets.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 import math
 from typing import Any
@@ -61,9 +61,10 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
     # A network of mjlab sees joints less their default, whatever the term is called.
     known = {**NAMES, _ABSOLUTE: 'joint_position'}
     terms = [Term(name=term_name(name, known)) for name in called]
-    extra: dict[str, list[Any]] = {
+    extra: dict[str, Sequence[Any]] = {
         'scale': [(one,) for one in _per_term(metadata, 'scale', called, 1.0)],
-        'clip': _clips(metadata, called),
+        'clip': _told_pairs(metadata, 'observation_terms_clip', len(called))
+        or [_FREE] * len(called),
         'ages': [
             tuple(range(max(1, int(n)) - 1, -1, -1))
             for n in _per_term(metadata, 'history_length', called, 0.0, _LENGTHS)
@@ -140,17 +141,6 @@ def _per_term(
     return found
 
 
-def _clips(metadata: Mapping[str, str], called: list[str]) -> list[tuple[float, float]]:
-    name = 'observation_terms_clip'
-    if name not in metadata:
-        return [_FREE] * len(called)
-    pairs = [part.split(';') for part in metadata[name].split(',')]
-    if len(pairs) != len(called) or any(len(pair) != 2 for pair in pairs):
-        raise PolicyError(f'metadata {name}: wanted {len(called)} pairs low;high')
-    values = [_floats(pair, f'metadata {name}') for pair in pairs]
-    return [(low, high) for low, high in values]
-
-
 def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
     """
     Return what Isaac Lab's, or unitree_rl_lab's, deploy.yaml says.
@@ -175,10 +165,10 @@ def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
     motors = [int(index) for index in order]
     joints = tuple(MOTOR_ORDER[count][index] for index in motors)
     gains = {
-        name: tuple(check_numbers(_need(values, name), count, name)[index] for index in motors)
+        name: tuple(_numbers(values, name, count)[index] for index in motors)
         for name in ('stiffness', 'damping')
     }
-    default = check_numbers(_need(values, 'default_joint_pos'), count, 'default_joint_pos')
+    default = _numbers(values, 'default_joint_pos', count)
     actions = _mapping(values, 'actions')
     if set(actions) != {'JointPositionAction'}:
         raise PolicyError(
@@ -210,7 +200,7 @@ def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
         if offset is None
         else check_numbers(offset, count, f'{where}.offset'),
         terms=terms,
-        period=check_numbers(_need(values, 'step_dt'), 1, 'step_dt')[0],
+        period=_numbers(values, 'step_dt')[0],
         target_clip=_limits(action.get('clip'), count, f'{where}.clip'),
         by_time=switches['use_gym_history'],
         ranges=_ranges(values.get('commands')),
@@ -312,13 +302,10 @@ def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpe
     for name in map(term_name, called):
         key = _SCALES.get(name)
         number = 3 if name == 'command' else 1
-        given = (1.0,) if key is None else check_numbers(_need(said, key), number, key)
+        given = (1.0,) if key is None else _numbers(said, key, number)
         terms.append(Term(name=name, scale=given, ages=ages))
-    default = check_numbers(_need(said, 'default_dof_pos'), count, 'default_dof_pos')
-    clips = [
-        check_numbers(_need(said, f'clip_actions_{end}'), count, f'clip_actions_{end}')
-        for end in ('lower', 'upper')
-    ]
+    default = _numbers(said, 'default_dof_pos', count)
+    clips = [_numbers(said, f'clip_actions_{end}', count) for end in ('lower', 'upper')]
     assumed = []
     steps = [said.get('dt'), said.get('decimation')]
     for at, (name, usual) in enumerate((('dt', 0.005), ('decimation', 4))):
@@ -328,15 +315,15 @@ def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpe
     return PolicySpec(
         source='config.yaml',
         joints=_rl_sar_joints(said, count, assumed),
-        stiffness=check_numbers(_need(said, 'rl_kp'), count, 'rl_kp'),
-        damping=check_numbers(_need(said, 'rl_kd'), count, 'rl_kd'),
+        stiffness=_numbers(said, 'rl_kp', count),
+        damping=_numbers(said, 'rl_kd', count),
         default_position=default,
         action_scale=_rl_sar_scale(said, count),
         action_offset=default,
         terms=tuple(terms),
         period=math.prod(check_numbers(steps, 2, 'dt, decimation')),
         action_clip=(clips[0], clips[1]),
-        observation_clip=check_numbers(_need(said, 'clip_obs'), 1, 'clip_obs')[0],
+        observation_clip=_numbers(said, 'clip_obs')[0],
         by_time=priority == 'time',
         begins_with_zeros=True,
         assumed=tuple(assumed),
@@ -359,7 +346,7 @@ def _history(ages: Any) -> tuple[int, ...]:
 
 def _rl_sar_scale(said: Mapping[str, Any], count: int) -> tuple[float, ...]:
     """Return the scale of each action; older files reduce that of the hips."""
-    scale = list(check_numbers(_need(said, 'action_scale'), count, 'action_scale'))
+    scale = list(_numbers(said, 'action_scale', count))
     share = check_numbers(said.get('hip_scale_reduction', 1.0), 1, 'hip_scale_reduction')[0]
     hips = said.get('hip_scale_reduction_indices') or []
     if not isinstance(hips, list) or not all(hip in range(count) for hip in hips):
@@ -413,30 +400,30 @@ def from_rl_gym(values: Mapping[str, Any]) -> PolicySpec:
             'G1 is known, whose path says g1'
         )
     joints = MOTOR_ORDER[29][:12]
-    count = check_numbers(_need(values, 'num_actions'), 1, 'num_actions')[0]
+    count = _numbers(values, 'num_actions')[0]
     if count != len(joints):
         raise PolicyError(f'num_actions: got {count:g}, a G1 has {len(joints)} joints of legs')
     terms = [
-        Term(name='angular_velocity', scale=_gym_scale(values, 'ang_vel_scale')),
+        Term(name='angular_velocity', scale=_numbers(values, 'ang_vel_scale')),
         Term(name='gravity'),
-        Term(name='command', scale=_gym_scale(values, 'cmd_scale', 3)),
-        Term(name='joint_position', scale=_gym_scale(values, 'dof_pos_scale')),
-        Term(name='joint_velocity', scale=_gym_scale(values, 'dof_vel_scale')),
+        Term(name='command', scale=_numbers(values, 'cmd_scale', 3)),
+        Term(name='joint_position', scale=_numbers(values, 'dof_pos_scale')),
+        Term(name='joint_velocity', scale=_numbers(values, 'dof_vel_scale')),
         Term(name='last_action'),
     ]
-    shown = check_numbers(_need(values, 'num_obs'), 1, 'num_obs')[0]
+    shown = _numbers(values, 'num_obs')[0]
     if shown not in (45, 47):
         raise PolicyError(f'num_obs: got {shown:g}, wanted 45, or 47 with a clock')
     has_clock = shown == 47
     most = values.get('max_cmd')
-    default = check_numbers(_need(values, 'default_angles'), len(joints), 'default_angles')
+    default = _numbers(values, 'default_angles', len(joints))
     return PolicySpec(
         source='the file of unitree_rl_gym',
         joints=joints,
-        stiffness=check_numbers(_need(values, 'kps'), len(joints), 'kps'),
-        damping=check_numbers(_need(values, 'kds'), len(joints), 'kds'),
+        stiffness=_numbers(values, 'kps', len(joints)),
+        damping=_numbers(values, 'kds', len(joints)),
         default_position=default,
-        action_scale=check_numbers(_need(values, 'action_scale'), len(joints), 'action_scale'),
+        action_scale=_numbers(values, 'action_scale', len(joints)),
         action_offset=default,
         terms=(*terms, Term(name='phase')) if has_clock else tuple(terms),
         period=_gym_period(values),
@@ -449,10 +436,6 @@ def from_rl_gym(values: Mapping[str, Any]) -> PolicySpec:
             *([f'a clock of {_GYM_PHASE:g} s'] if has_clock else []),
         ),
     )
-
-
-def _gym_scale(values: Mapping[str, Any], key: str, count: int = 1) -> Numbers:
-    return check_numbers(_need(values, key), count, key)
 
 
 def _gym_period(values: Mapping[str, Any]) -> float:
@@ -538,6 +521,10 @@ def _need(values: Mapping[str, Any], key: str, where: str = '') -> Any:
     if values.get(key) is None:
         raise PolicyError(f'{where}{"." if where else ""}{key}: it is missing')
     return values[key]
+
+
+def _numbers(values: Mapping[str, Any], key: str, count: int = 1) -> Numbers:
+    return check_numbers(_need(values, key), count, key)
 
 
 def _mapping(values: Mapping[str, Any], key: str, where: str = '') -> dict[str, Any]:

@@ -2,7 +2,7 @@
 """Networks that run: by onnxruntime, or layer by layer in numpy."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from wasd_core.errors import suggest
@@ -19,16 +19,6 @@ FLOATS = {
     'tensor(double)': np.float64,
     'tensor(float16)': np.float16,
 }
-
-
-class Network(Protocol):
-    """A function of an observation (takes,) to an action (gives,), float32."""
-
-    takes: int
-    gives: int
-
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Return the action for an observation."""
 
 
 class OnnxNetwork:
@@ -77,12 +67,7 @@ class OnnxNetwork:
 
 
 def _choose(outputs: Sequence[str]) -> str:
-    """
-    Return which output is the action.
-
-    Raises:
-        PolicyError: there are several, and none is called so.
-    """
+    """Return which output is the action: the only one, or the one that is called so."""
     if len(outputs) == 1:
         return outputs[0]
     named = [name for name in ACTIONS if name in outputs]
@@ -149,3 +134,7 @@ class LayeredNetwork:
             if activation is not None:
                 x = activation(x)
         return np.asarray(x, np.float32)
+
+
+# A function of an observation (takes,) to an action (gives,), float32.
+Network = OnnxNetwork | LayeredNetwork

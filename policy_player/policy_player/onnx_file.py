@@ -17,17 +17,14 @@ LARGEST_NETWORK = 100_000_000
 # Graphs within graphs, and all messages looked at.
 DEEPEST, MOST_MESSAGES = 20, 300_000
 
-Field = tuple[int, int | bytes]
-
 
 @dataclass
 class OnnxFile:
-    """A file's bytes, its metadata, its operators, and the files beside it that have weights."""
+    """A file's bytes, its metadata, and the files beside it that have weights."""
 
     path: Path
     data: bytes
     metadata: dict[str, str] = field(default_factory=dict)
-    operators: set[str] = field(default_factory=set)
     external: set[str] = field(default_factory=set)
     _messages: int = 0
 
@@ -43,16 +40,15 @@ def read_onnx(path: Path, data: bytes) -> OnnxFile:
     try:
         has_graph = False
         for number, value in _fields(data):
-            if number == 7 and isinstance(value, bytes):
+            if number == 7:
                 has_graph = True
                 _walk_graph(file, value, 0)
-            elif number == 14 and isinstance(value, bytes):
+            elif number == 14:
                 key, text = _pair(value)
                 file.metadata[key] = text
-            elif number == 25 and isinstance(value, bytes):  # functions: their nodes
-                for inner, node in _fields(value):
-                    if inner == 7 and isinstance(node, bytes):
-                        _walk_node(file, node, 0)
+            elif number == 25:  # functions
+                for node in _parts(value, 7):
+                    _walk_node(file, node, 0)
     except (ValueError, IndexError) as error:
         if isinstance(error, PolicyError):
             raise
@@ -65,12 +61,7 @@ def read_onnx(path: Path, data: bytes) -> OnnxFile:
 
 
 def _check_external(path: Path, name: str) -> None:
-    """
-    Check that a file of weights lies beside the network, whatever links say.
-
-    Raises:
-        PolicyError: it does not, is missing, or is too large.
-    """
+    """Check that a file of weights lies beside the network, whatever links say; and its size."""
     folder = path.parent.resolve()
     try:
         found = (folder / name).resolve()
@@ -88,61 +79,51 @@ def _check_external(path: Path, name: str) -> None:
 
 def _walk_graph(file: OnnxFile, graph: bytes, depth: int) -> None:
     for number, value in _fields(graph):
-        if isinstance(value, bytes) and number == 1:
+        if number == 1:
             _walk_node(file, value, depth)
-        elif isinstance(value, bytes) and number == 5:
+        elif number == 5:
             _walk_tensor(file, value)
-        elif isinstance(value, bytes) and number == 15:  # sparse: its values and indices
-            for inner, tensor in _fields(value):
-                if inner in (1, 2) and isinstance(tensor, bytes):
-                    _walk_tensor(file, tensor)
+        elif number == 15:  # sparse: its values and indices
+            for tensor in _parts(value, 1, 2):
+                _walk_tensor(file, tensor)
 
 
 def _walk_node(file: OnnxFile, node: bytes, depth: int) -> None:
     file._messages += 1
     if depth > DEEPEST or file._messages > MOST_MESSAGES:
         raise PolicyError('is no policy: its graph is too deep or too large')
-    for number, value in _fields(node):
-        if not isinstance(value, bytes):
-            continue
-        if number == 4:
-            file.operators.add(value.decode())
-        elif number == 5:
-            for inner, part in _fields(value):
-                if not isinstance(part, bytes):
-                    continue
-                if inner in (5, 10):
-                    _walk_tensor(file, part)
-                elif inner in (6, 11):
-                    _walk_graph(file, part, depth + 1)
-                elif inner in (22, 23):
-                    for deep, tensor in _fields(part):
-                        if deep in (1, 2) and isinstance(tensor, bytes):
-                            _walk_tensor(file, tensor)
+    for attribute in _parts(node, 5):
+        for number, value in _fields(attribute):
+            if number in (5, 10):
+                _walk_tensor(file, value)
+            elif number in (6, 11):
+                _walk_graph(file, value, depth + 1)
+            elif number in (22, 23):
+                for tensor in _parts(value, 1, 2):
+                    _walk_tensor(file, tensor)
 
 
 def _walk_tensor(file: OnnxFile, tensor: bytes) -> None:
     file._messages += 1
-    for number, value in _fields(tensor):
-        if number == 13 and isinstance(value, bytes):
-            key, text = _pair(value)
-            if key == 'location':
-                file.external.add(text)
+    for entry in _parts(tensor, 13):
+        key, text = _pair(entry)
+        if key == 'location':
+            file.external.add(text)
 
 
 def _pair(message: bytes) -> tuple[str, str]:
     """Return key and value of a StringStringEntryProto."""
-    parts = {number: value for number, value in _fields(message) if isinstance(value, bytes)}
+    parts = dict(_fields(message))
     return parts.get(1, b'').decode(), parts.get(2, b'').decode()
 
 
-def _fields(message: bytes) -> Iterator[Field]:
-    """
-    Yield the fields of a message: a number and its bytes, or a whole number.
+def _parts(message: bytes, *numbers: int) -> Iterator[bytes]:
+    """Yield the bytes of the fields of these numbers."""
+    return (value for number, value in _fields(message) if number in numbers)
 
-    Raises:
-        ValueError, IndexError: it is cut short, or none.
-    """
+
+def _fields(message: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield each field of a message that has bytes: its number and these."""
     at, end = 0, len(message)
     while at < end:
         key, at = _varint(message, at)
@@ -150,13 +131,11 @@ def _fields(message: bytes) -> Iterator[Field]:
         if number == 0:
             raise ValueError('field 0')
         if kind == 0:
-            value, at = _varint(message, at)
-            yield number, value
+            _, at = _varint(message, at)
         elif kind in (1, 5):
             at += 8 if kind == 1 else 4
             if at > end:
                 raise ValueError('cut short')
-            yield number, 0
         elif kind == 2:
             length, at = _varint(message, at)
             if at + length > end:

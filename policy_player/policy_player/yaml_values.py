@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from wasd_core.errors import DescriptionError, one_line
-from wasd_core.parameter_file import compose_yaml, construct, LARGEST_YAML, line_of
-from wasd_core.parameters import shown
+from wasd_core.parameter_file import children, compose_yaml, LARGEST_YAML, line_of, value_of
+from wasd_core.parameters import InvalidParameter
 from wasd_core.safe_files import read_file
 import yaml
 
@@ -32,7 +32,7 @@ def read_values(path: Path) -> dict[str, Any]:
     try:
         root = compose_yaml(data.decode('utf-8-sig'))
         value = None if root is None else _value(root)
-    except PolicyError as error:
+    except (PolicyError, InvalidParameter) as error:
         raise PolicyError(f'{path}{error}') from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise PolicyError(f'{path}: not YAML: {one_line(error)[:200]}') from None
@@ -51,21 +51,10 @@ def _value(node: yaml.Node) -> Any:
                 f':{line_of(node)}: !!{tag} is refused, no code was run: write the value itself'
             )
     if isinstance(node, yaml.MappingNode):
-        found: dict[str, Any] = {}
-        for key, value in node.value:
-            name = str(key.value)
+        for key, _ in node.value:
             if key.tag == _MERGE:
                 raise PolicyError(f':{line_of(key)}: "<<" is not read: write its values out')
-            if name in found:
-                raise PolicyError(f':{line_of(key)}: {shown(name)} is there twice')
-            found[name] = _value(value)
-        return found
+        return {name: _value(child) for name, child in children(node).items()}
     if isinstance(node, yaml.SequenceNode):
         return [_value(item) for item in node.value]
-    value = construct(node)
-    if isinstance(value, str) and isinstance(node, yaml.ScalarNode) and not node.style:
-        try:
-            return float(value)  # 1e-3 is a number to people, not to YAML 1.1
-        except ValueError:
-            return value
-    return value
+    return value_of(node)
