@@ -3,14 +3,32 @@
 
 import numpy as np
 from quadruped_sim.algebra import plain
+from quadruped_sim.dynamics import find_dynamics
 from quadruped_sim.estimation.grip import feel_grip
 from quadruped_sim.estimation.ground import follow_plane
 from quadruped_sim.locomotion.footwork import find_step_height
 from quadruped_sim.locomotion.reference import advance, blank_reference
 from quadruped_sim.locomotion.swing import arrival_of, blank_targets, find_landing, FootPaths, lead
+from quadruped_sim.robot_state import place_base, RobotState
 
 # How long feet have sought the ground that find it [s].
 NEVER = np.zeros(4)
+
+
+def dynamics_of(model, orientation, velocity, omega, angles, rates):
+    """
+    Return the equations of motion at a state.
+
+    `orientation` is (w, x, y, z), `velocity` [m/s] and `omega` [rad/s] are those of the base in
+    base axes.
+    """
+    robot = RobotState.blank()
+    robot.orientation[:] = orientation
+    robot.joint_position[:], robot.joint_velocity[:] = angles, rates
+    place_base(robot.flat)
+    robot.base.velocity[:], robot.base.omega[:] = robot.base.R @ velocity, omega
+    find_dynamics(*model.rigid, robot.flat)
+    return robot.dynamics
 
 
 def stand(ground, contacts, is_contact, rules, dt):

@@ -44,29 +44,27 @@ class PolicyPlayerNode(Node):
     `joint_commands`, which the simulator applies at every physics step.
     """
 
-    def __init__(
-        self, *, namespace: str = '', parameter_overrides: list[Parameter] | None = None
-    ) -> None:
+    def __init__(self, *, parameter_overrides: list[Parameter] | None = None) -> None:
         """
         Load the robot and the network that the parameters name.
 
         Raises:
             UserError: what is wrong with either, in one line.
         """
-        super().__init__(
-            'policy_player', namespace=namespace, parameter_overrides=parameter_overrides or []
-        )
+        super().__init__('policy_player', parameter_overrides=parameter_overrides or [])
         settings = declare_parameters(self, PolicyNodeParameters)
         loaded = load_robot(settings.description)
         config = settings.policy_config or None
         player = Player(read_policy(settings.policy, config)) if settings.policy else None
         joints = [joint.name for joint in loaded.robot.movable_joints if not joint.mimics]
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
-        self._readings = PairedReadings(joints, self._step, self.controller.reset, self._warn)
-        self._feeds: Feeds | None = None
+        self._feeds = Feeds((), 0.0, '')
         if player is not None:
             topics = 'joint_states', 'imu/data'
             self._feeds = Feeds(topics, 1.0 / player.spec.period, "the network's rate")
+        self._readings = PairedReadings(
+            joints, self._feeds, self._step, self.controller.reset, self._warn
+        )
         self._commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._told = ''
@@ -84,29 +82,23 @@ class PolicyPlayerNode(Node):
         self.controller.let_go()
 
     def _on_imu(self, message: Imu) -> None:
-        now = to_seconds(message.header.stamp)
-        if self._feeds is not None:
-            self._feeds.take('imu/data', now)
-        self._readings.take_imu(now, to_imu_reading(message))
+        self._readings.take_imu(to_seconds(message.header.stamp), to_imu_reading(message))
 
     def _on_joints(self, message: JointState) -> None:
         now, answer = to_seconds(message.header.stamp), partial(self._answer, message.header.stamp)
-        if self._feeds is not None:
-            self._feeds.take('joint_states', now)
         self._readings.take_joints(now, tuple(message.name), to_joint_states(message), answer)
 
     def _step(self, found: Paired, answer: Answer) -> None:
         if found.gap > LONGEST_GAP:
             self.controller.let_go(f'no joint_states for {found.gap:.1f} s: motors damp')
-        if self._feeds is not None:
-            self._judge_feeds(self._feeds, found.gap)
+        self._judge_feeds(found.gap)
         order = [found.names.index(name) for name in self.controller.joints]
         joints = JointStates(*(part[order] for part in found.joints))
         answer(self.controller.step(Reading(joints, found.imu), found.gap))
 
-    def _judge_feeds(self, feeds: Feeds, gap: float) -> None:
+    def _judge_feeds(self, gap: float) -> None:
         """Let the network walk only while every reading comes often enough."""
-        before = self.controller.hindrance
+        before, feeds = self.controller.hindrance, self._feeds
         feeds.judge(gap, rests=self.controller.state is not State.POLICY)
         self.controller.hindrance = feeds.hindrance
         if feeds.hindrance and not before:

@@ -7,8 +7,8 @@ with its error messages; these loops take a tenth of that and are as fast for si
 An array that a function returns costs 50 ns, more than what is in it: vectors are three numbers.
 """
 
-from collections.abc import Mapping
-from typing import Any, TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, cast, TypeVar
 
 import numpy as np
 from wasd_core.jit import jit
@@ -17,19 +17,10 @@ _T = TypeVar('_T', bound=tuple[Any, ...])
 Three = tuple[float, float, float]
 # One object for each layout: numba compares those of equal records field by field, at each call.
 _LAYOUTS: dict[np.dtype[Any], np.dtype[Any]] = {}
-
-
-if TYPE_CHECKING:
-
-    def plain(record: _T) -> _T:
-        """
-        Return a NamedTuple as the tuple that it is, for a call of a compiled function from Python.
-
-        numba takes 10 us to see what a NamedTuple holds, and one for a tuple. The function names
-        the fields again, at no cost: `base = BaseMotion(*base)`.
-        """
-else:
-    plain = tuple
+# A NamedTuple as the tuple that it is, for a call of a compiled function from Python: numba takes
+# 10 us to see what a NamedTuple holds, and one for a tuple. The function names the fields again,
+# at no cost: `base = BaseMotion(*base)`.
+plain = cast('Callable[[_T], _T]', tuple)
 
 
 def flatten(record: Any) -> np.ndarray:

@@ -120,5 +120,5 @@ def warm_up(model: RobotModel) -> None:
         controller.step(standing, 0.002)
     # What stages compile within themselves, other states call by itself: that is loaded, too.
     assert controller.robot is not None
-    foot_velocities(controller.robot)
+    foot_velocities(controller.robot.flat)
     all_leg_angles(model.geometry, foot_positions(model.geometry, model.walking_pose))

@@ -6,12 +6,13 @@ from collections.abc import Callable
 from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.node import Node
+from robot_description.morphology.quadruped import poses_in_base
 from robot_description.robot import Robot
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from wasd_core.messages import CLOUD_TYPES, to_cloud, to_seconds
 from wasd_core.robot_io import BaseOdometry
-from wasd_core.rotations import Pose, yaw_of
+from wasd_core.rotations import yaw_of
 from wasd_core.topics import has_subscriber, RELIABLE, SENSOR_DATA
 
 from quadruped_sim.elevation import Elevation
@@ -96,25 +97,13 @@ class CloudInput:
 
     def _on_cloud(self, message: PointCloud2) -> None:
         if self.mapper is None:
-            mount = mount_of(self._robot, message.header.frame_id)
-            if mount is None:
-                return
-            self.mapper = ElevationMapper(mount)
+            robot, link = self._robot, message.header.frame_id
+            if robot.carriers.get(link) != robot.carriers[robot.base]:
+                return  # it is not fixed in the base
+            self.mapper = ElevationMapper(poses_in_base(robot)[link])
         points = to_points(message)
         if points is not None and self.mapper.take_cloud(to_seconds(message.header.stamp), points):
             self._on_map(self.mapper.elevation, message.header.stamp)
-
-
-def mount_of(robot: Robot, link: str) -> Pose | None:
-    """Return where a link is fixed in the base; None where it is not."""
-    joints = {joint.child: joint for joint in robot.joints.values() if joint.kind == 'fixed'}
-    pose = Pose(np.zeros(3), np.eye(3))
-    while link != robot.base:
-        if link not in joints:
-            return None
-        pose = joints[link].pose @ pose
-        link = joints[link].parent
-    return pose
 
 
 def to_points(message: PointCloud2) -> np.ndarray | None:

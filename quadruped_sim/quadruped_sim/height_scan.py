@@ -31,17 +31,15 @@ def scan_places(position: np.ndarray, yaw: float) -> np.ndarray:
     return np.asarray(np.asarray(position)[:2] + turned)
 
 
-def height_scan(
-    heights: Heights, position: np.ndarray, yaw: float, offset: float = OFFSET
-) -> np.ndarray:
+def height_scan(heights: Heights, position: np.ndarray, yaw: float) -> np.ndarray:
     """
-    Return how far the base is above the ground at `scan_places`, less an offset, (187,) [m].
+    Return how far the base is above the ground at `scan_places`, less `OFFSET`, (187,) [m].
 
     `heights` tells the ground in the frame of the base's position (3,) [m]: `Elevation.at`, or
     the true one of a simulator. Where that knows nothing a value is NaN.
     """
     x, y = scan_places(position, yaw).T
-    return np.asarray(position[2] - heights(x, y) - offset)
+    return np.asarray(position[2] - heights(x, y) - OFFSET)
 
 
 def known_scan(

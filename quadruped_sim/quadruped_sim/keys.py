@@ -157,11 +157,6 @@ def is_stick_key(key: str) -> bool:
     return key in ZERO_KEYS or (len(key) == 1 and key.lower() in STICK_KEYS)
 
 
-def axis_and_direction(key: str) -> tuple[str, int]:
-    """Return what a stick's key, upper or lower case, moves: 'ly' and 1 for forward."""
-    return STICK_KEYS[key.lower()]
-
-
 @dataclass(frozen=True)
 class StickValues:
     """Deflections in [-1, 1]: left and right stick, x to the right, y forward."""
@@ -184,7 +179,7 @@ class Sticks:
 
     def zero(self) -> None:
         """Centre both sticks."""
-        self._counts, self._values = dict.fromkeys(('lx', 'ly', 'rx', 'ry'), 0), StickValues()
+        self._counts, self.values = dict.fromkeys(('lx', 'ly', 'rx', 'ry'), 0), StickValues()
 
     def press(self, key: str) -> bool:
         """Take a key, upper or lower case; False when it is no stick key."""
@@ -193,16 +188,11 @@ class Sticks:
         if key in ZERO_KEYS:
             self.zero()
             return True
-        axis, direction = axis_and_direction(key)
+        axis, direction = STICK_KEYS[key.lower()]
         full = round(1.0 / STEP)
         self._counts[axis] = min(max(self._counts[axis] + direction, -full), full)
-        self._values = replace(self._values, **{axis: self._counts[axis] / full})
+        self.values = replace(self.values, **{axis: self._counts[axis] / full})
         return True
-
-    @property
-    def values(self) -> StickValues:
-        """Deflections now."""
-        return self._values
 
 
 # What a key of a state is pressed for: `press 2 to stand`.
@@ -324,7 +314,7 @@ class KeyWords:
                 return 'sticks centred'
             # Nobody pressed STOP who could be told what to press.
             return None if key == STOP_KEY else self._to_drive(state, key)
-        axis, direction = axis_and_direction(key)
+        axis, direction = STICK_KEYS[key.lower()]
         name = self._called(key)
         if state in _DRIVEN and axis in _DRIVING:
             return None if has_moved else f'{name}: full stick'

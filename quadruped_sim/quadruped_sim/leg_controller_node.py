@@ -225,12 +225,7 @@ class LegControllerNode(Node):
 
 
 def _parameters_of_file(node: Node) -> LegNodeParameters:
-    """
-    Return the defaults with the values of the file that `controller` names, if it names one.
-
-    Raises:
-        InvalidParameter: what is wrong with the file, with its line.
-    """
+    """Return the defaults with the values of the file that `controller` names, if it names one."""
     given = node._parameter_overrides.get('controller')
     path = '' if given is None else given.value
     return LegNodeParameters.from_file(path if isinstance(path, str) else '')

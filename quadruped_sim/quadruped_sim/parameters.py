@@ -2,11 +2,7 @@
 """
 Parameters of the leg controller, on the Go2 and scaled to other robots; its node's; the program.
 
-Two robots of one shape that differ in size and mass move alike under the same gravity when every
-quantity is scaled by its dimension: lengths by the legs' length, forces by the mass, times by the
-square root of length (equal Froude numbers v^2 / (g l), [Alexander1983]). Gains, weights and
-thresholds are numbers with units too, so one rule serves them all, and nothing is typed in per
-robot: a parameter's unit says how it grows.
+A number's unit says how it grows with a robot's size and mass [Alexander1983].
 """
 
 from dataclasses import dataclass, fields, replace

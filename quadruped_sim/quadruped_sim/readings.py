@@ -5,14 +5,14 @@ from collections.abc import Callable
 
 from wasd_core.feed import Feeds
 from wasd_core.paired import Answer, LONGEST_GAP, LONGEST_LAG, Paired, PairedReadings
-from wasd_core.robot_io import BaseState, ImuReading, JointStates, Reading
+from wasd_core.robot_io import Reading
 
 from quadruped_sim.legs import Legs
 
 
-class Readings:
+class Readings(PairedReadings):
     """
-    Steps legs on joints, IMU and, with the estimator `truth`, the base, see `PairedReadings`.
+    Steps legs on joints, IMU and, with the estimator `truth`, the base.
 
     Times are stamps [s]. `warn` hears of readings that are of no use, `inform` that all is well
     again.
@@ -23,32 +23,10 @@ class Readings:
     ) -> None:
         self._legs, self._inform = legs, inform
         needs_truth = legs.settings.estimator == 'truth'
-        motors = legs.model.quadruped.joint_names
-        self._paired = PairedReadings(motors, self._step, legs.reset, warn, needs_truth)
         topics = ['joint_states', 'imu/data', *['ground_truth/odom'] * needs_truth]
-        self.feeds = Feeds(topics, legs.settings.update_rate, 'update_rate')
-
-    @property
-    def last(self) -> float | None:
-        """The time of the joints that were answered last [s]; None before there are any."""
-        return self._paired.last
-
-    def take_imu(self, now: float, imu: ImuReading) -> None:
-        """Take what the IMU measured."""
-        self.feeds.take('imu/data', now)
-        self._paired.take_imu(now, imu)
-
-    def take_truth(self, now: float, truth: BaseState) -> None:
-        """Take where the base is, as the simulator knows it."""
-        self.feeds.take('ground_truth/odom', now)
-        self._paired.take_truth(now, truth)
-
-    def take_joints(
-        self, now: float, names: tuple[str, ...], joints: JointStates, answer: Answer
-    ) -> None:
-        """Take joints; `answer` gets the command for them, maybe later, maybe never."""
-        self.feeds.take('joint_states', now)
-        self._paired.take_joints(now, names, joints, answer)
+        feeds = Feeds(topics, legs.settings.update_rate, 'update_rate')
+        motors = legs.model.quadruped.joint_names
+        super().__init__(motors, feeds, self._step, legs.reset, warn)
 
     def _step(self, found: Paired, answer: Answer) -> None:
         self._judge_feeds(found.gap)

@@ -24,9 +24,8 @@ from wasd_core.robot_io import GRAVITY, JointCommand, JointStates, Reading
 from wasd_core.streams import visible
 
 from quadruped_sim.algebra import flatten
-from quadruped_sim.dynamics import blank_links, Bodies, Dynamics, find_dynamics
+from quadruped_sim.dynamics import blank_links, Bodies
 from quadruped_sim.leg_kinematics import foot_positions, LEFT, leg_motion, LegGeometry
-from quadruped_sim.robot_state import place_base, RobotState
 
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
 GEOMETRY_TOLERANCE = 2e-3
@@ -245,36 +244,9 @@ class RobotModel:
     def _joint_positions(self, angles: np.ndarray) -> np.ndarray:
         return angles if self._is_plain else self._sign * (angles - self._zero)
 
-    def dynamics(
-        self,
-        orientation: np.ndarray,
-        velocity: np.ndarray,
-        angular_velocity: np.ndarray,
-        angles: np.ndarray,
-        rates: np.ndarray,
-    ) -> Dynamics:
-        """
-        Return the equations of motion at a state.
-
-        `orientation` is (w, x, y, z), `velocity` [m/s] and `angular_velocity` [rad/s] are those of
-        the base in base axes.
-        """
-        robot = RobotState.blank()
-        robot.orientation[:] = orientation
-        robot.joint_position[:], robot.joint_velocity[:] = angles, rates
-        place_base(robot.flat)
-        robot.base.velocity[:], robot.base.omega[:] = robot.base.R @ velocity, angular_velocity
-        find_dynamics(*self.rigid, robot.flat)
-        return robot.dynamics
-
 
 def _check_feet(robot: Robot, quadruped: Quadruped) -> None:
-    """
-    Check that there is something to stand on.
-
-    Raises:
-        RobotModelError: a lower leg that nothing of collides.
-    """
+    """Check that each lower leg has something that collides, to stand on."""
     for leg in quadruped.legs:
         carrier = robot.carriers[leg.foot]
         if not any(robot.links[k].collisions for k, v in robot.carriers.items() if v == carrier):
@@ -285,12 +257,7 @@ def _check_feet(robot: Robot, quadruped: Quadruped) -> None:
 
 
 def _limits(quadruped: Quadruped, effort_max: float) -> JointLimits:
-    """
-    Return the limits of the leg angles; no torque is above `effort_max` [N m].
-
-    Raises:
-        RobotModelError: a joint has no motor.
-    """
+    """Return the limits of legs whose joints all have motors, of at most `effort_max` [N m]."""
     weak = [joint.name for joint in quadruped.joints if not joint.effort > 0.0]
     if weak:
         raise RobotModelError(

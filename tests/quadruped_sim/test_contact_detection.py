@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+from leg_stages import dynamics_of
 import numpy as np
 import pytest
 from quadruped_sim.dynamics import drag
@@ -19,7 +20,7 @@ ANGLES = np.tile((0.0, 0.8, -1.6), 4)
 def hold(model, rules, detector, forces, seconds=0.2):
     """Statics: the torques that hold the legs still under `forces` (4, 3) on the feet."""
     motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
-    dynamics = model.dynamics(LEVEL, np.zeros(3), np.zeros(3), ANGLES, np.zeros(12))
+    dynamics = dynamics_of(model, LEVEL, np.zeros(3), np.zeros(3), ANGLES, np.zeros(12))
     torque = dynamics.bias[6:] - np.einsum('lji,lj->li', motion.jacobian, forces).ravel()
     robot = replace(RobotState.blank(), motion=motion, dynamics=dynamics)
     for _ in range(round(seconds / DT)):
@@ -41,7 +42,7 @@ def test_what_joints_lose_as_they_turn_is_no_force_on_a_foot(model, rules):
     robot = RobotState.blank()
     for tick in range(50):
         angles = ANGLES + rates * DT * (tick - 25)
-        dynamics = model.dynamics(LEVEL, np.zeros(3), np.zeros(3), angles, rates)
+        dynamics = dynamics_of(model, LEVEL, np.zeros(3), np.zeros(3), angles, rates)
         losses = [drag(model.rigid[0][0], joint, rate) for joint, rate in enumerate(rates)]
         motion = leg_motion(model.geometry, angles, rates)
         robot = replace(robot, motion=motion, dynamics=dynamics)

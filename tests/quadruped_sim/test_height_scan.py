@@ -30,9 +30,6 @@ def test_its_values_are_the_base_s_height_above_the_ground_less_training_s_offse
     assert values.shape == (187,)
     expected = 0.32 - 0.1 * scan_places(position, 0.0)[:, 0] - 0.5
     assert np.allclose(values, expected)
-    assert np.allclose(
-        height_scan(lambda x, y: 0.1 * x, position, 0.0, offset=0.0), expected + 0.5
-    )
 
 
 def test_of_a_map_it_says_nothing_where_that_knows_nothing():

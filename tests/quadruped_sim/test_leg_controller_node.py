@@ -120,7 +120,7 @@ def alive(peer, readings, spawn, spin_until):
     imu.orientation.w, imu.linear_acceleration.z = 1.0, 9.81
     joints.header.stamp = imu.header.stamp = to_stamp(0.9)
     peer.imu.publish(imu)
-    spin_until(spawn.pump, lambda: readings._paired._imu is not None)
+    spin_until(spawn.pump, lambda: readings._imu is not None)
     peer.joints.publish(joints)
     spin_until(spawn.pump, lambda: readings.last is not None)
 

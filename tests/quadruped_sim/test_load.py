@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 
+from leg_stages import dynamics_of
 from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
@@ -25,7 +26,7 @@ LEVEL = np.array((0.0, 0.0, 1.0))
 def dynamics(model, angles):
     """Return a function that makes the dynamics of a level robot at rest."""
     level = np.array((1.0, 0.0, 0.0, 0.0))
-    return lambda: model.dynamics(level, np.zeros(3), np.zeros(3), angles, np.zeros(12))
+    return lambda: dynamics_of(model, level, np.zeros(3), np.zeros(3), angles, np.zeros(12))
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+from leg_stages import dynamics_of
 from mujoco_sim.compiled import TorqueSpeedCurve
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def solve(model, angles, contact_points):
         velocity, omega = rng.normal(size=3), 0.5 * rng.normal(size=3)
         motion = leg_motion(model.geometry, angles, rates)
         contact = contact_points(motion, R.T @ (0.0, 0.0, 1.0), model.geometry.foot_radius)
-        dynamics = model.dynamics(orientation, velocity, omega, angles, rates)
+        dynamics = dynamics_of(model, orientation, velocity, omega, angles, rates)
         forces = np.zeros((4, 3))
         forces[stance, 2] = model.weight / stance.sum()
         task = WholeBodyTask(

@@ -85,8 +85,9 @@ class Feeds:
         self.hindrance = ''
 
     def take(self, topic: str, stamp: float) -> None:
-        """Take the stamp of a reading of a topic [s]."""
-        self.by_topic[topic].take(stamp)
+        """Take the stamp of a reading of a topic [s], which may be one that is not needed."""
+        if topic in self.by_topic:
+            self.by_topic[topic].take(stamp)
 
     def judge(self, gap: float, rests: bool) -> None:
         """Judge `gap` [s] after the last time; one that `rests` has more patience."""

@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection
 import math
 from typing import NamedTuple
 
+from wasd_core.feed import Feeds
 from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates
 
 # Of joints and IMU no reading is older than this against the other [s].
@@ -28,7 +29,7 @@ class Paired(NamedTuple):
 
 class PairedReadings:
     """
-    Joins joints, IMU and, where it `needs_truth`, the base by their stamps [s].
+    Joins joints, IMU and, where `feeds` need it, the base by their stamps [s].
 
     Joints wait for what belongs to them: topics overtake each other, on a busy machine by far.
     `on_paired` gets the readings and who wants the answer; `on_return` is called where time went
@@ -38,12 +39,13 @@ class PairedReadings:
     def __init__(
         self,
         needed: Collection[str],
+        feeds: Feeds,
         on_paired: Callable[[Paired, Answer], None],
         on_return: Callable[[], None],
         warn: Callable[[str], None],
-        needs_truth: bool = False,
     ) -> None:
-        self._needed, self._needs_truth = set(needed), needs_truth
+        self._needed, self.feeds = set(needed), feeds
+        self._needs_truth = 'ground_truth/odom' in feeds.by_topic
         self._on_paired, self._on_return, self._warn = on_paired, on_return, warn
         self.last: float | None = None  # time of the joints that were answered last
         self._imu: tuple[float, ImuReading] | None = None
@@ -52,11 +54,13 @@ class PairedReadings:
 
     def take_imu(self, now: float, imu: ImuReading) -> None:
         """Take what the IMU measured."""
+        self.feeds.take('imu/data', now)
         self._imu = now, imu
         self._answer_when_complete()
 
     def take_truth(self, now: float, truth: BaseState) -> None:
         """Take where the base is, as the simulator knows it."""
+        self.feeds.take('ground_truth/odom', now)
         self._truth = now, truth
         self._answer_when_complete()
 
@@ -64,6 +68,7 @@ class PairedReadings:
         self, now: float, names: tuple[str, ...], joints: JointStates, answer: Answer
     ) -> None:
         """Take joints; `answer` gets the command for them, maybe later, maybe never."""
+        self.feeds.take('joint_states', now)
         if not self._needed <= set(names) or {len(part) for part in joints} != {len(names)}:
             self._warn('joint_states lacks joints, velocities or efforts: ignored')
             return

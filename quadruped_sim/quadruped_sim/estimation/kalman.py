@@ -99,17 +99,10 @@ class KalmanEstimator:
     """
     21 states: IMU position and velocity, four foot centres, accelerometer bias [Bloesch2012].
 
-    Orientation is taken as known, so everything left is linear. All noises are the same in x, y
-    and z; hence the covariance is one 7 x 7 block that serves the three axes. It is the IMU that
-    is followed, not the base's origin: what turning adds to its acceleration is its own.
-
-    The foot is a ball that rolls: on the ground its centre moves at (calf's angular velocity) x
-    (radius up). Taking it to rest, as is usual, reads 5 to 8 % slow on Unitree's feet; published
-    since in [Li2026].
-
-    `trust` in [0, 1] per foot says how surely it stands by schedule and force; 0 means it moves
-    freely. How surely by its motion is found here: a foot whose velocity does not fit what the
-    IMU has felt slips, and counts the less the less it fits (`belief`).
+    Orientation is taken as known, so everything left is linear, and one covariance (7, 7) serves
+    the three axes. The foot is a ball that rolls [Li2026]: taken to rest, Unitree's read 5 to 8 %
+    slow. `trust` in [0, 1] per foot says how surely it stands by schedule and force; 0 means it
+    moves freely. How surely by its motion is found here (`belief`).
     """
 
     def __init__(

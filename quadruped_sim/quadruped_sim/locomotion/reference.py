@@ -35,9 +35,9 @@ class BaseReference(NamedTuple):
     yaw_rate: float
 
 
-def blank_reference(yaw_rate: float = 0.0) -> BaseReference:
+def blank_reference() -> BaseReference:
     """Return a reference to be written into."""
-    return BaseReference(np.empty(3), np.empty(3), np.empty(3), yaw_rate)
+    return BaseReference(np.empty(3), np.empty(3), np.empty(3), 0.0)
 
 
 class ReferenceState(NamedTuple):

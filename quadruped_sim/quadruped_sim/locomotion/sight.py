@@ -2,9 +2,7 @@
 """
 Walking by sight: footholds and base by an elevation map [Grandia2023], [Jenelten2020].
 
-Footholds keep off edges, swing feet pass over the highest ground between their ends, the base is
-as high and as steep as the ground from behind it to ahead of it, feet have their friction on the
-tread they stand on. Where the map knows nothing, all is as without it.
+Where the map knows nothing, all is as without it.
 """
 
 import math

@@ -11,7 +11,7 @@ from quadruped_sim.algebra import cross3, rotate
 from quadruped_sim.estimation.ground import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.robot_state import BaseMotion, RobotState
+from quadruped_sim.robot_state import BaseMotion
 
 # Share of a swing in which the foot gathers speed, and as much in which it loses it again.
 _RAMP = 0.3
@@ -219,13 +219,9 @@ def find_landing(
     keep_apart(landing, state.feet, schedule.is_stance, state.base.rpy[2], apart)
 
 
-def foot_velocities(state: RobotState) -> np.ndarray:
-    """Velocity of the foot centres in world axes (4, 3) [m/s]."""
-    return _foot_velocities(state.flat)
-
-
 @jit
-def _foot_velocities(robot: np.ndarray) -> np.ndarray:
+def foot_velocities(robot: np.ndarray) -> np.ndarray:
+    """Velocity of the foot centres of a flat `RobotState`, world axes (4, 3) [m/s]."""
     base, motion = robot[0].base, robot[0].motion
     velocity, relative = np.empty((4, 3)), np.empty(3)
     for i in range(4):
@@ -278,7 +274,7 @@ def lead(
     own, gains, sought = by[0][0], by[0][0].whole_body, by[1]
     room, seeking, deepest = _ROOM * own.length, _SEEKING[0] * own.speed, _SEEKING[1] * own.length
     position, velocity, acceleration = targets.position, targets.velocity, targets.acceleration
-    moves, feet, base = _foot_velocities(robot), robot[0].feet, robot[0].base
+    moves, feet, base = foot_velocities(robot), robot[0].feet, robot[0].base
     for leg in range(4):
         for k in range(3):
             position[leg, k], velocity[leg, k], acceleration[leg, k] = feet[leg, k], 0.0, 0.0

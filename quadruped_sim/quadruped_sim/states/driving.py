@@ -107,7 +107,7 @@ class State(ABC):
             self._parts.params.balance, robot.base, position, np.array((0.0, 0.0, yaw))
         )
         stiffness, damping = _FOOT_GAINS[0] * scale.of('1/s^2'), _FOOT_GAINS[1] * scale.of('1/s')
-        led = stiffness * (feet - robot.feet) - damping * foot_velocities(robot)
+        led = stiffness * (feet - robot.feet) - damping * foot_velocities(robot.flat)
         return self._by_forces(robot, acceleration, is_stance, led)
 
     def _by_forces(

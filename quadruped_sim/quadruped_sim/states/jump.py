@@ -3,7 +3,6 @@
 
 from enum import auto, Enum
 import math
-from typing import NamedTuple
 
 import numpy as np
 from wasd_core.robot_io import GRAVITY, JointCommand
@@ -43,15 +42,6 @@ _FADING, _FADED = 0.63, 2.1
 _DRIFT, _DRIFT_FROM = 0.17, 1.4
 # Share of the way asked for that it comes, ahead and back.
 _AHEAD, _BACK = 0.95, 0.76
-
-
-class Goal(NamedTuple):
-    """Where the base shall be [m], how fast [m/s], how it is turned [rad] and turns [rad/s]."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    rpy: np.ndarray
-    rates: np.ndarray
 
 
 class Stage(Enum):
@@ -109,7 +99,7 @@ class Jump(OnFeet):
             self._begin(Stage.LAND, robot)
         if self._stage is Stage.CROUCH:
             share = smooth(self._time / (CROUCH_TIME * self._scale('s')))
-            crouched = self._pose(CROUCHED, self._ahead() + float(robot.com[0]))
+            crouched = _pose(self._parts.model, CROUCHED, self._ahead() + float(robot.com[0]))
             position = self._start + share * (crouched - self._start)
             return stiff_command(self._parts.model, position)
         if self._stage is Stage.PUSH:
@@ -170,8 +160,8 @@ class Jump(OnFeet):
         turn = np.array((0.0, PITCHING * self._scale('rad/m') * up, 0.0))
         level = np.array((0.0, 0.0, self._yaw))
         share = now / time
-        goal = Goal(way, share * speed, level + 0.5 * now * share * turn, share * direction @ turn)
-        acceleration = self._feedback(_PUSH_GAINS, robot, goal)
+        rpy, rates = level + 0.5 * now * share * turn, share * direction @ turn
+        acceleration = self._feedback(_PUSH_GAINS, robot, way, share * speed, rpy, rates)
         acceleration += np.concatenate((speed, direction @ turn)) / time
         command = self._by_all(robot, acceleration)
         # The motors shall not damp what they are to bring about.
@@ -181,7 +171,9 @@ class Jump(OnFeet):
         """Fold the legs, then hold them ready, ahead of the hips as far as it flies on."""
         ahead, _, flight = self._take_off()
         is_ready = self._time > READY_SHARE * flight
-        position = self._pose(READY if is_ready else TUCKED, 0.1 * ahead * self._scale('s'))
+        position = _pose(
+            self._parts.model, READY if is_ready else TUCKED, 0.1 * ahead * self._scale('s')
+        )
         kp = np.full(12, _KP * self._scale('N m/rad'))
         kd = np.full(12, _KD * self._scale('N m s/rad'))
         if self._time < LIMP_TIME * self._scale('s'):
@@ -196,8 +188,8 @@ class Jump(OnFeet):
             self.trust = np.clip(felt, 0.0, 1.0)
         middle = robot.feet.mean(axis=0)
         middle[2] = float(robot.feet[:, 2].min()) + LANDED * self._scale('m')
-        goal = Goal(middle, np.zeros(3), np.array((0.0, 0.0, self._yaw)), np.zeros(3))
-        acceleration = self._feedback(_LAND_GAINS, robot, goal)
+        rpy, rest = np.array((0.0, 0.0, self._yaw)), np.zeros(3)
+        acceleration = self._feedback(_LAND_GAINS, robot, middle, rest, rpy, rest)
         return self._by_all(robot, acceleration)
 
     def _by_all(self, robot: RobotState, acceleration: np.ndarray) -> JointCommand:
@@ -206,20 +198,25 @@ class Jump(OnFeet):
         # Other forces, which spare the motors of some legs, would turn it.
         return self._by_forces(robot, acceleration, stance, spares_motors=False)
 
-    def _feedback(self, gains: np.ndarray, robot: RobotState, goal: Goal) -> np.ndarray:
-        """Acceleration (6,) of the base toward a goal, world axes."""
+    def _feedback(
+        self,
+        gains: np.ndarray,
+        robot: RobotState,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        rpy: np.ndarray,
+        rates: np.ndarray,
+    ) -> np.ndarray:
+        """Acceleration (6,) of the base toward where it shall be and how it shall move, world."""
         units = np.tile((self._scale('1/s^2'), self._scale('1/s')), 2)[:, None]
         base = robot.base
         return pd_law(
             gains * units,
-            goal.position - base.position,
-            goal.velocity - base.velocity,
-            rotation_error(goal.rpy, base.R),
-            goal.rates - base.R @ base.omega,
+            position - base.position,
+            velocity - base.velocity,
+            rotation_error(rpy, base.R),
+            rates - base.R @ base.omega,
         )
-
-    def _pose(self, height: float, ahead: float) -> np.ndarray:
-        return _pose(self._parts.model, height, ahead)
 
     def _scale(self, unit: str) -> float:
         return self._parts.model.scale.of(unit)
