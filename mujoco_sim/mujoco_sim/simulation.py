@@ -45,7 +45,8 @@ class Simulation:
     A world, its schedule, and the loop that advances both.
 
     In each instant the due tasks run in order, then physics steps to the next instant; nothing
-    else moves the robot. `on_reset` are called when the robot is put back to its start.
+    else moves the robot. `on_reset` are called when the robot is put back to its start, `on_step`
+    after a step by hand.
     """
 
     def __init__(self, world: World, speed: float) -> None:
@@ -54,12 +55,19 @@ class Simulation:
         self.pacer = Pacer(speed)
         self.paused = False
         self.on_reset: list[Callable[[], None]] = []
+        self.on_step: list[Callable[[], None]] = []
 
     def reset(self) -> None:
         """Put the robot and everything that remembers its past back to the start."""
         self.world.reset()
         for forget in self.on_reset:
             forget()
+
+    def step(self) -> None:
+        """Advance by one physics step, by hand, and tell of it."""
+        self.advance(1)
+        for tell in self.on_step:
+            tell()
 
     def advance(self, steps: int) -> None:
         """Run tasks and physics for so many physics steps, whatever the wall time."""

@@ -105,6 +105,7 @@ class SimulatorNode(Node):
         publish_sensors(self, self.sensors)
         if self._steps_sensors:
             self.simulation.on_reset.append(self.sensors.reset)
+        self.simulation.on_step += [self._publish_clock, self._publish_states, self.sensors.step]
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
@@ -294,10 +295,7 @@ class SimulatorNode(Node):
         if not self.simulation.paused:
             response.message = 'not paused: call ~/pause with data: true first'
             return response
-        self.simulation.advance(1)
-        self._publish_clock()
-        self._publish_states()
-        self.sensors.step()
+        self.simulation.step()
         response.success = True
         response.message = f'time is {self._world.time:.3f} s'
         return response

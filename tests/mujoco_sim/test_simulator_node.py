@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
+import functools
 import gc
 import weakref
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.simulation import Simulation, TickStatistics
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.world import build_shared_world
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
@@ -245,6 +248,28 @@ def test_each_step_by_hand_is_published_once(peer, simulator, call, run, spawn, 
     for messages in (peer.states, peer.truth):
         stamps = [seconds(message.header.stamp) for message in messages]
         np.testing.assert_allclose(stamps, wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize('name', 'ab')
+def test_a_step_of_either_robot_is_one_of_the_clock_and_of_both(spawn, loaded, spin_until, name):
+    worlds = build_shared_world([(f'{each}/', loaded, RobotSetup()) for each in 'ab'])
+    simulation, peer = Simulation(worlds[0], 1.0), spawn(Node('peer'))
+    simulation.paused = True
+    for world in worlds:
+        spawn(SimulatorNode(loaded, world, simulation=simulation))
+    heard = {'clock': 0.0, 'a': 0.0, 'b': 0.0}
+    peer.create_subscription(Clock, '/clock', lambda m: heard.update(clock=seconds(m.clock)), 10)
+    for each in 'ab':
+        hear = functools.partial(
+            lambda each, m: heard.update({each: seconds(m.header.stamp)}), each
+        )
+        peer.create_subscription(JointState, f'/{each}/joint_states', hear, 10)
+    client = peer.create_client(Trigger, f'/{name}/simulator/step')
+    spin_until(spawn.pump, client.service_is_ready)
+    for _ in range(20):  # the last of them, at least, after all have found each other
+        spin_until(spawn.pump, client.call_async(Trigger.Request()).done)
+    assert simulation.world.tick == 20
+    spin_until(spawn.pump, lambda: list(heard.values()) == [0.02, 0.02, 0.02])
 
 
 def test_in_a_simulation_that_it_is_given_nobody_else_may_command_the_motors(spawn, loaded, world):

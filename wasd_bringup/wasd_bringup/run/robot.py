@@ -92,7 +92,8 @@ class Robot(ABC):
             keymap = load_preset(options.preset, options.layout, self.other_presets)
             self.logic = KeysToTwist(keymap)
             self.own_keys = frozenset(self.logic.keymap.keys)
-        self._is_mute = False
+        # A recording has the velocities that keys became: they must not become some again.
+        self._is_mute = options.commands is not None
         self.drivers = Drivers(self.stops, self.latches, holds_stops=options.latched)
         self.on_e_stop: Callable[[str], None] = self.e_stop  # a run stops all its robots
         complain = logging.getLogger('wasd.simulator').error

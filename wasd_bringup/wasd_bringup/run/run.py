@@ -401,7 +401,7 @@ class Run:
         for robot in self.robots:
             if robot.options.namespace != command.namespace:
                 continue
-            # Keys that only became velocities are not to become some again.
+            # The others have only become velocities.
             if command.key is not None and robot.has_states:
                 robot.press(command.key, 'recording')
             elif command.velocity is not None:

@@ -18,12 +18,13 @@ from mcap.reader import FOOTER_SIZE, make_reader
 from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
-from mujoco_sim.parameters import Payload, Untold
+from mujoco_sim.parameters import HONEST, Payload, Untold
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
+from teleop_keyboard.keymap_file import preset_names
 from wasd_core.errors import one_line
 
-from wasd_bringup.robots import BOTH, ROBOTS
+from wasd_bringup.robots import BOTH, ROBOTS, UNITREE_PRESET, WHEELED
 from wasd_bringup.run.inputs import box_text, Command, parse_box, parse_push, push_text
 from wasd_bringup.run.options import MAPPED_SCAN, RunOptions
 from wasd_bringup.tools.recording.bag_writer import new_writer, RECORD_NAME, RecordingError
@@ -39,11 +40,12 @@ class Topic(NamedTuple):
 
 
 class RecordedMessage(NamedTuple):
-    """A message as CDR, and when it was published [ns of simulated time]."""
+    """A message of a type as CDR, and when it was published [ns of simulated time]."""
 
     topic: str
     time: int
     data: bytes
+    kind: str
 
 
 class BagReader:
@@ -91,8 +93,8 @@ class BagReader:
             RecordingError: the file is damaged.
         """
         try:
-            for _, channel, message in self._reader.iter_messages(topics=list(topics)):
-                yield RecordedMessage(channel.topic, message.log_time, message.data)
+            for schema, channel, message in self._reader.iter_messages(topics=list(topics)):
+                yield RecordedMessage(channel.topic, message.log_time, message.data, schema.name)
         except Exception as error:
             raise RecordingError(f'{self.path}: damaged ({one_line(error)})') from None
 
@@ -166,7 +168,10 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'description': _absolute(options.description),
         'package_path': [str(path) for path in options.package_path],
         'world': _absolute(options.world),
+        'preset': _absolute(options.preset, [UNITREE_PRESET, *preset_names()]),
+        'layout': options.layout,
         'seed': options.seed,
+        'lidar': options.lidar,
         'untold': asdict(options.untold),
         'estimator': options.estimator,
         'limits': options.limits,
@@ -196,13 +201,18 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
     try:
         known = {name: json.loads(value) for name, value in run.items()}
         controller = known['controller']
+        robot = known['robot']
+        preset = '' if robot == BOTH else ROBOTS[robot].preset
+        if robot != BOTH and ROBOTS[robot].kind is not WHEELED:
+            preset = known.get('preset', preset)  # wheels only need what their keys became
         return RunOptions(
-            robot=known['robot'],
+            robot=robot,
             description=known['description'],
             package_path=tuple(map(Path, known['package_path'])),
             world=known['world'],
-            # The Go2's own keys; those that became velocities are recorded as such.
-            preset='' if known['robot'] == BOTH else ROBOTS[known['robot']].preset,
+            preset=preset,
+            layout=known.get('layout', 'qwerty'),
+            lidar=known.get('lidar', HONEST),
             seed=known['seed'],
             untold=_untold(known.get('untold')),  # older recordings have none
             estimator=known['estimator'],
@@ -239,13 +249,19 @@ def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
     """
     arguments: list[str] = json.loads(run.get('ros_arguments', '[]'))
     for word in arguments:
-        if ':=' in word and word.partition(':=')[0].rpartition(':')[2] in RENAMED:
+        name, rule, _ = word.partition(':=')
+        topic = f'/{name.rpartition(":")[2]}'
+        if rule and topic.endswith(tuple(f'/{one}' for one in RENAMED)):
             raise RecordingError(f'recorded with {word}: cannot be driven again')
     return arguments
 
 
-def _absolute(name_or_path: str) -> str:
-    return str(Path(name_or_path).resolve()) if os.path.isfile(name_or_path) else name_or_path
+def _absolute(words: str, names: Collection[str] = ()) -> str:
+    """Return a name as it is; the path of a file, or of a plan's PICTURE,SCALE, from the root."""
+    if words not in names and os.path.isfile(words):
+        return str(Path(words).resolve())
+    path, comma, scale = words.rpartition(',')
+    return f'{_absolute(path)},{scale}' if comma else words
 
 
 KEYS = 'keys'
@@ -268,8 +284,9 @@ def robot_topics(bag: BagReader, name: str) -> dict[str, str]:
     is_alone = json.loads(bag.run['robot']) != BOTH
     for topic in bag.topics:
         namespace, _, last = topic.name[1:].rpartition(name)
-        if topic.name.endswith(f'/{name}') and not last and '/' not in namespace.rstrip('/'):
-            found['' if is_alone else namespace.rstrip('/')] = topic.name
+        namespace = namespace.rstrip('/')
+        if topic.name.endswith(f'/{name}') and not last and (is_alone or '/' not in namespace):
+            found['' if is_alone else namespace] = topic.name
     return found
 
 
@@ -282,12 +299,11 @@ def read_commands(bag: BagReader) -> tuple[Command, ...]:
     """
     keys = {topic: namespace for namespace, topic in robot_topics(bag, KEYS).items()}
     velocities = {topic: namespace for namespace, topic in robot_topics(bag, VELOCITIES).items()}
-    kinds = {topic.name: topic.kind for topic in bag.topics}
     commands = []
     for message in bag.messages([*keys, *velocities, EVENTS]):
         time = 1e-9 * message.time
         if message.topic in velocities:
-            twist = deserialize_message(message.data, TWISTS[kinds[message.topic]])
+            twist = deserialize_message(message.data, TWISTS[message.kind])
             twist = getattr(twist, 'twist', twist)
             velocity = twist.linear.x, twist.linear.y, twist.angular.z
             commands.append(Command(time, velocities[message.topic], velocity=velocity))
