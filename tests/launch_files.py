@@ -146,26 +146,40 @@ class Node:
 
 @dataclass(frozen=True)
 class Started:
-    """A node as launch would start it; `files` are its parameter files, which count less."""
+    """A node as launch would start it; of what is `given`, values and files, the last counts."""
 
     executable: str
     namespace: str
-    parameters: dict[str, Any]
+    given: list[dict[str, Any] | Path]
     remappings: dict[str, str]
     package: str
-    files: list[Path]
     arguments: list[str]
     ends_all: bool = False  # its end is that of the launch
 
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Its parameters, but for those of files."""
+        values = [each for each in self.given if isinstance(each, dict)]
+        return {name: value for each in values for name, value in each.items()}
+
+    @property
+    def files(self) -> list[Path]:
+        """Its files of parameters."""
+        return [each for each in self.given if isinstance(each, Path)]
+
     def command_line(self, folder: Path) -> list[str]:
-        """Return the arguments of the process; the parameters are in a file, as launch's."""
-        path = folder / f'launch_params_{self.executable}'
-        path.write_text(yaml.safe_dump({'/**': {'ros__parameters': self.parameters}}))
+        """Return the arguments of the process; values are in files, as launch's."""
+        paths = []
+        for number, each in enumerate(self.given):
+            path = folder / f'launch_params_{self.executable}_{number}'
+            if isinstance(each, dict):
+                path.write_text(yaml.safe_dump({'/**': {'ros__parameters': each}}))
+            paths.append(path if isinstance(each, dict) else each)
         rules = [f'{name}:={target}' for name, target in self.remappings.items()]
         # Absolute, as launch_ros makes it.
         rules += [f'__ns:=/{self.namespace.lstrip("/")}'] if self.namespace else []
         words = [word for rule in rules for word in ('-r', rule)]
-        files = [word for each in (*self.files, path) for word in ('--params-file', str(each))]
+        files = [word for path in paths for word in ('--params-file', str(path))]
         return ['--ros-args', *files, *words]
 
     def process(self, folder: Path, **options: Any) -> Any:
@@ -253,19 +267,22 @@ class LaunchFile:
             if (ROOT / package).is_dir():
                 started += LaunchFile(path).start(**inner)
             else:
-                started.append(Started(path.name, '', inner, {}, package, [], []))
+                started.append(Started(path.name, '', [inner], {}, package, []))
         return started
 
 
 def _started(node: Node, values: Mapping[str, str]) -> Started:
-    given = [entry for entry in node.parameters if isinstance(entry, dict)]
     return Started(
         node.executable,
         _text(node.namespace, values),
-        {name: _value(v, values) for entry in given for name, v in entry.items()},
+        [
+            {name: _value(v, values) for name, v in entry.items()}
+            if isinstance(entry, dict)
+            else Path(_text(entry, values))
+            for entry in node.parameters
+        ],
         {name: _text(target, values) for name, target in node.remappings},
         node.package,
-        [Path(_text(entry, values)) for entry in node.parameters if entry not in given],
         [_text(argument, values) for argument in node.arguments],
         isinstance(node.on_exit, Shutdown),
     )

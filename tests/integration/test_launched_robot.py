@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What mbot.launch.py starts, started: one robot in a namespace, with a time of its own."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import os
 from pathlib import Path
 import signal
@@ -20,27 +20,30 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 
 
+Launch = Callable[..., list['subprocess.Popen[str]']]
+
+
 @pytest.fixture
-def launched(
-    launch_file: Any, isolated_ros: int, tmp_path: Path
-) -> Iterator[list['subprocess.Popen[str]']]:
-    """Start the nodes of mbot.launch.py with the command lines that launch would give them."""
-    nodes = launch_file(ROOT / 'wasd_bringup/launch/mbot.launch.py').start(
-        namespace='mbot', keys='none', speed='3'
-    )
-    processes = [
-        node.process(tmp_path, env=dict(os.environ), stderr=subprocess.PIPE, text=True)
-        for node in nodes
-    ]
-    yield processes
+def launch(launch_file: Any, isolated_ros: int, tmp_path: Path) -> Iterator[Launch]:
+    """Return a function that starts mbot.launch.py's nodes with the command lines of launch."""
+    processes: list[subprocess.Popen[str]] = []
+
+    def start(**given: str) -> list['subprocess.Popen[str]']:
+        nodes = launch_file(ROOT / 'wasd_bringup/launch/mbot.launch.py').start(**given)
+        options = {'env': dict(os.environ), 'stderr': subprocess.PIPE, 'text': True}
+        processes.extend(node.process(tmp_path, **options) for node in nodes)
+        return processes
+
+    yield start
     for process in processes:
         process.kill()
         process.wait()
 
 
 def test_a_launched_robot_drives_in_its_namespace_and_ends_cleanly(
-    launched: list['subprocess.Popen[str]'], spawn: Any, spin_until: Any
+    launch: Launch, spawn: Any, spin_until: Any
 ) -> None:
+    launched = launch(namespace='mbot', keys='none', speed='3')
     peer = spawn(Node('peer'))
     places: list[float] = []
     clock: list[Any] = []
@@ -66,3 +69,12 @@ def test_a_launched_robot_drives_in_its_namespace_and_ends_cleanly(
     for process in launched:
         _, errors = process.communicate(timeout=PATIENCE)
         assert (process.returncode, 'Traceback' in errors) == (0, False), errors
+
+
+def test_without_physics_odometry_goes_by_wall_time(
+    launch: Launch, spawn: Any, spin_until: Any
+) -> None:
+    launch(mode='fake', keys='none')
+    odometry: list[Odometry] = []
+    spawn(Node('peer')).create_subscription(Odometry, 'odom', odometry.append, 10)
+    spin_until(spawn.pump, lambda: len(odometry) > 1)

@@ -34,9 +34,7 @@ def generate_launch_description():
             *robot_arguments(GO2),
             *(parameter_argument(LegNodeParameters, name) for name in asked),
             *robot_nodes(),
-            robot_node(
-                'quadruped_sim', 'leg_controller', description=robot, use_sim_time=True, **asked
-            ),
+            robot_node('quadruped_sim', 'leg_controller', description=robot, **asked),
             *keyboard(),
             rviz(GO2),
         ]

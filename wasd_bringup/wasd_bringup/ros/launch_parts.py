@@ -56,7 +56,7 @@ def parameter_value(definition: type[Parameters], name: str) -> ParameterValue:
 
 def robot_arguments(robot: RobotRow) -> list[DeclareLaunchArgument]:
     """Return the arguments that all robots have, with the defaults of one."""
-    usual = PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'launch', 'simulated.yaml'])
+    path = [FindPackageShare('wasd_bringup'), 'launch', 'no_parameters.yaml']
     return [
         DeclareLaunchArgument(
             'rname',
@@ -70,7 +70,7 @@ def robot_arguments(robot: RobotRow) -> list[DeclareLaunchArgument]:
         ),
         DeclareLaunchArgument(
             'params_file',
-            default_value=usual,
+            default_value=PathJoinSubstitution(path),
             description="ROS parameters of the robot's nodes; they come before other arguments.",
         ),
         *(parameter_argument(SimulatorParameters, name) for name in ('world', 'seed', 'speed')),
@@ -90,7 +90,11 @@ def robot_arguments(robot: RobotRow) -> list[DeclareLaunchArgument]:
 
 
 def robot_node(
-    package: str, executable: str, condition: IfCondition | None = None, **parameters: Any
+    package: str,
+    executable: str,
+    condition: IfCondition | None = None,
+    use_sim_time: Any = True,
+    **parameters: Any,
 ) -> Node:
     """
     Return a node with parameters, and those of the user's file on top.
@@ -102,7 +106,10 @@ def robot_node(
         executable=executable,
         namespace=LaunchConfiguration('namespace'),
         output='screen',
-        parameters=[parameters, LaunchConfiguration('params_file')],
+        parameters=[
+            parameters | {'use_sim_time': use_sim_time},
+            LaunchConfiguration('params_file'),
+        ],
         remappings=list(NAMESPACED),
         condition=condition,
         on_exit=Shutdown(),
