@@ -9,13 +9,11 @@ One terminal drives one of them. For both in one world see `wasd both`.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
 from mujoco_sim.parameters import SimulatorParameters
 from wasd_bringup.robots import GO2, MBOT
-from wasd_bringup.ros.launch_parts import NO_KEYS, parameter_argument
+from wasd_bringup.ros.launch_parts import include_robot, NO_KEYS, parameter_argument
 
 # What is the same for both.
 SHARED = ('seed', 'speed')
@@ -42,11 +40,6 @@ def generate_launch_description():
                 description='A robot of its kind: a name, or a xacro or URDF file.',
             ),
         ]
-        source = PythonLaunchDescriptionSource(
-            PathJoinSubstitution(
-                [FindPackageShare('wasd_bringup'), 'launch', f'{robot}.launch.py']
-            )
-        )
         values = {
             'namespace': robot,
             'keys': LaunchConfiguration(f'{robot}_keys'),
@@ -55,7 +48,5 @@ def generate_launch_description():
             'rviz': LaunchConfiguration('rviz'),
             **{name: LaunchConfiguration(name) for name in SHARED},
         }
-        # Arguments of an included file stay set after it, unless they have a scope.
-        include = IncludeLaunchDescription(source, launch_arguments=values.items())
-        included.append(GroupAction([include], scoped=True))
+        included.append(include_robot(robot, values))
     return LaunchDescription([*arguments, *included])

@@ -213,6 +213,7 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
     has_map = NotEqualsSubstitution(LaunchConfiguration('map'), '')
     maps = EqualsSubstitution(LaunchConfiguration('map'), '')
     files = [_file(name) for name in ('nav2.yaml', *others)]
+    passed_on = {name: LaunchConfiguration(name) for name in PASSED_ON}
     return [
         *(each for each in robot_arguments(robot) if each.name != 'namespace'),
         DeclareLaunchArgument(
@@ -228,7 +229,7 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
         DeclareLaunchArgument(
             'map', default_value='', description="A saved map, FILE.yaml; '': it maps."
         ),
-        _robot(robot),
+        include_robot(robot.name, passed_on | {'keys': NO_KEYS}),
         Node(
             package='teleop_keyboard',
             executable='twist_mux',
@@ -262,10 +263,9 @@ def _file(name: str) -> PathJoinSubstitution:
     return PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'config', name])
 
 
-def _robot(robot: RobotRow) -> GroupAction:
-    """Return the robot's own launch file, without its keyboard."""
-    path = [FindPackageShare('wasd_bringup'), 'launch', f'{robot.name}.launch.py']
-    values = {name: LaunchConfiguration(name) for name in PASSED_ON} | {'keys': NO_KEYS}
+def include_robot(name: str, values: dict[str, Any]) -> GroupAction:
+    """Return a robot's own launch file with values of its arguments."""
+    path = [FindPackageShare('wasd_bringup'), 'launch', f'{name}.launch.py']
     source = PythonLaunchDescriptionSource(PathJoinSubstitution(path))
     # Arguments of an included file stay set after it, unless they have a scope.
     include = IncludeLaunchDescription(source, launch_arguments=values.items())
