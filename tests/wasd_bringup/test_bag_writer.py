@@ -14,10 +14,11 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from wasd_bringup.tools.recording import bag_writer, BagWriter, RecordingError
+from wasd_bringup.tools.recording import bag_writer, BagWriter
 from wasd_bringup.tools.recording.reader import BagReader
 from wasd_bringup.tools.recording.recorder import full_definition, qos_text, to_bytes
 from wasd_core.errors import UserError
+from wasd_core.output_file import OutputError
 
 pytest.importorskip('rosbags', reason="rosbags is not installed: the extra 'test'")
 
@@ -128,13 +129,13 @@ def test_what_was_saved_survives_a_full_disk(
 
     monkeypatch.setattr(os, 'write', nearly_full)
     writer.write(channel, 2, b'\x00\x01\x00\x00after')
-    with pytest.raises(RecordingError, match=r'full.mcap: No space left on device'):
+    with pytest.raises(OutputError, match=r'full.mcap: No space left on device'):
         writer.save()
     assert read_ours(path) == [('/a', 1, b'\x00\x01\x00\x00before')]
 
 
 def test_a_file_that_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match='--record .*: wanted a file in a folder that exists'):
+    with pytest.raises(OutputError, match='--record .*: wanted a file in a folder that exists'):
         BagWriter(tmp_path / 'no' / 'where.mcap', {})
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes an MCAP file that is complete at any time, also while it is being written."""
 
-from wasd_bringup.tools.recording.bag_writer import BagWriter, RecordingError
+from wasd_bringup.tools.recording.bag_writer import BagWriter
 
-__all__ = ['BagWriter', 'RecordingError']
+__all__ = ['BagWriter']

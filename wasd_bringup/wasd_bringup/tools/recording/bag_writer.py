@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes an MCAP file in small chunks, so that a file that breaks off keeps all whole ones."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 import contextlib
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
-from wasd_core.errors import UserError
 from wasd_core.output_file import OutputError, OutputFile
 
 LIBRARY = 'wasd'
@@ -14,10 +13,6 @@ LIBRARY = 'wasd'
 RECORD_NAME = 'wasd'
 # A chunk ends when it has grown over this many bytes.
 CHUNK_SIZE = 512 * 1024
-
-
-class RecordingError(UserError):
-    """A recording cannot be written or read; the text is one line with its path."""
 
 
 class _Unsaved:
@@ -56,15 +51,14 @@ class BagWriter:
         Begin a file; an existing one is replaced by the first save. `metadata` describes the run.
 
         Raises:
-            RecordingError: it cannot be written.
+            OutputError: it cannot be written.
         """
         self._schemas: dict[str, int] = {}
         self._unsaved = _Unsaved()
         self._writer = new_writer(self._unsaved)
         self._writer.add_metadata(RECORD_NAME, dict(metadata))
         self._has_begun = False
-        with _as_recording_error():
-            self._file = OutputFile(file, '--record') if isinstance(file, Path) else file
+        self._file = OutputFile(file, '--record') if isinstance(file, Path) else file
 
     def add_channel(self, topic: str, kind: str, definition: str, qos: str) -> int:
         """Declare a topic; return the number to `write` its messages with."""
@@ -79,7 +73,7 @@ class BagWriter:
         Add a message, serialised as CDR, at a time [ns] not before the last one.
 
         Raises:
-            RecordingError: a full chunk could not be written.
+            OutputError: a full chunk could not be written.
         """
         self._writer.add_message(channel, time, data, publish_time=time)
         if len(self._unsaved.data) > CHUNK_SIZE:
@@ -90,7 +84,7 @@ class BagWriter:
         Bring everything up to now into the file.
 
         Raises:
-            RecordingError: the disk is full, or the like; what was saved before stays readable.
+            OutputError: the disk is full, or the like; what was saved before stays readable.
         """
         self._writer.flush()
         self._put()
@@ -100,7 +94,7 @@ class BagWriter:
         Save, add the index, and close.
 
         Raises:
-            RecordingError: as `save`.
+            OutputError: as `save`.
         """
         try:
             self._writer.finish()
@@ -115,8 +109,7 @@ class BagWriter:
 
     def _put(self) -> None:
         put = self._file.append if self._has_begun else self._file.begin
-        with _as_recording_error():
-            put(self._unsaved.take())
+        put(self._unsaved.take())
         self._has_begun = True
 
 
@@ -125,11 +118,3 @@ def new_writer(stream: object) -> Writer:
     writer = Writer(stream, chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)  # type: ignore[arg-type]
     writer.start('ros2', LIBRARY)
     return writer
-
-
-@contextlib.contextmanager
-def _as_recording_error() -> Iterator[None]:
-    try:
-        yield
-    except OutputError as error:
-        raise RecordingError(str(error)) from None

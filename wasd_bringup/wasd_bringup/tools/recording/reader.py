@@ -22,13 +22,17 @@ from mujoco_sim.parameters import HONEST, Payload, Untold
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from teleop_keyboard.keymap_file import preset_names
-from wasd_core.errors import one_line
+from wasd_core.errors import one_line, UserError
 
 from wasd_bringup.robots import BOTH, ROBOTS, UNITREE_PRESET, WHEELED
 from wasd_bringup.run.inputs import box_text, Command, parse_box, parse_push, push_text
 from wasd_bringup.run.options import MAPPED_SCAN, RunOptions
-from wasd_bringup.tools.recording.bag_writer import new_writer, RECORD_NAME, RecordingError
+from wasd_bringup.tools.recording.bag_writer import new_writer, RECORD_NAME
 from wasd_bringup.tools.recording.recorder import EVENTS
+
+
+class RecordingError(UserError):
+    """A recording cannot be read; the text is one line with its path."""
 
 
 class Topic(NamedTuple):

@@ -16,12 +16,12 @@ from rclpy.serialization import serialize_message
 from robot_description.packages import share_directory
 from std_msgs.msg import String
 from wasd_core.errors import one_line, UserError
-from wasd_core.output_file import OutputFile
+from wasd_core.output_file import OutputError, OutputFile
 from wasd_core.topics import LoopbackSubscription
 import yaml
 
 from wasd_bringup.tools.messages import cdr_end, type_name
-from wasd_bringup.tools.recording.bag_writer import BagWriter, RecordingError
+from wasd_bringup.tools.recording.bag_writer import BagWriter
 
 SEPARATOR = '=' * 80
 # The type at the beginning of a field's line: package and name, or a name of the same package.
@@ -172,7 +172,7 @@ class BagRecorder:
     Writes what is published in this process from its construction to `close`.
 
     `now` returns simulated time [ns]; set it once there is a simulation. The first failure to
-    write raises RecordingError where the message was published; from then on nothing is recorded.
+    write raises OutputError where the message was published; from then on nothing is recorded.
     """
 
     def __init__(self, path: Path | OutputFile, run: Mapping[str, str]) -> None:
@@ -180,7 +180,7 @@ class BagRecorder:
         Begin a recording; `run` says what was asked for. The file is replaced by the first save.
 
         Raises:
-            RecordingError: the file cannot be written.
+            OutputError: the file cannot be written.
         """
         self.now: Callable[[], int] = lambda: 0
         self._writer: BagWriter | None = BagWriter(path, run)
@@ -198,7 +198,7 @@ class BagRecorder:
         Bring the file up to date when it is too old; call it also while nothing is published.
 
         Raises:
-            RecordingError: the disk is full, or the like.
+            OutputError: the disk is full, or the like.
         """
         now = time.monotonic()
         if self._writer is not None and now - self._saved_at >= SAVE_PERIOD:
@@ -210,7 +210,7 @@ class BagRecorder:
         Finish the file.
 
         Raises:
-            RecordingError: the disk is full, or the like.
+            OutputError: the disk is full, or the like.
         """
         self._tap.remove()
         writer, self._writer = self._writer, None
@@ -237,11 +237,8 @@ class BagRecorder:
     def _guarded(self, act: Callable[[], None]) -> None:
         try:
             act()
-        except RecordingError:
-            # Once is enough: stopping the robot publishes, too.
-            writer, self._writer = self._writer, None
-            if writer is not None:
-                writer.abandon()
+        except OutputError:
+            self.discard()  # once is enough: stopping the robot publishes, too
             raise
 
 

@@ -31,7 +31,6 @@ from wasd_bringup.ros.home import with_own_frames
 from wasd_bringup.run.inputs import BoxPlayer, ScriptedBox
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.worlds import build_worlds
-from wasd_bringup.tools.recording.bag_writer import RecordingError
 from wasd_bringup.tools.recording.reader import (
     BagReader,
     DESCRIPTION,
@@ -39,6 +38,7 @@ from wasd_bringup.tools.recording.reader import (
     recorded_options,
     recorded_ros_arguments,
     RecordedMessage,
+    RecordingError,
     robot_topics,
     TRUTH,
 )
