@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drawings of what a robot has mapped: its map with its way and goals, its elevation."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
@@ -27,20 +26,14 @@ BACKGROUND, LIGHT, FEET, SCALE_HEIGHT = (17, 20, 26), (224, 229, 236), (255, 255
 
 
 def draw_navigation(navigation: 'NavigationDriver', report: dict[str, Any], path: Path) -> None:
-    """Write a picture of what a navigator has mapped, and where it has driven."""
-    way = np.array(report['samples']['position'])[::10, :2]
-    goals = [goal['goal'] for goal in report['navigation']['goals']]
-    draw_map(navigation.navigator.locator.grid, way, goals, path)
-
-
-def draw_map(grid: 'Grid', way: np.ndarray, goals: Sequence[Sequence[float]], path: Path) -> None:
     """
-    Write a picture of a map; `way` (n, 2) and `goals` (x, y, ...) are in its axes [m].
+    Write a picture of what a navigator has mapped, and where it has driven.
 
     Raises:
         OSError: it cannot be written.
     """
-    grid = _known_part(grid)
+    way = np.array(report['samples']['position'])[::10, :2]
+    grid = _known_part(navigation.navigator.locator.grid)
     kinds = np.where(grid.cells < 0, 0, np.where(grid.cells > 50, 2, 1))
     pixels = MAP_COLOURS[kinds[::-1]].repeat(MAP_SCALE, axis=0).repeat(MAP_SCALE, axis=1)
     image = Image.fromarray(pixels)
@@ -51,8 +44,8 @@ def draw_map(grid: 'Grid', way: np.ndarray, goals: Sequence[Sequence[float]], pa
         return float(column), float(image.height - row)
 
     drawing.line([place(x, y) for x, y in way.tolist()], fill=MAP_WAY, width=MAP_SCALE)
-    for goal in goals:
-        drawing.circle(place(*goal[:2]), 2 * MAP_SCALE, outline=MAP_GOAL, width=MAP_SCALE)
+    for goal in report['navigation']['goals']:
+        drawing.circle(place(*goal['goal'][:2]), 2 * MAP_SCALE, outline=MAP_GOAL, width=MAP_SCALE)
     image.save(path)
 
 

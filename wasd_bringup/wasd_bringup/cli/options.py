@@ -48,11 +48,6 @@ EVERY, ONE = 'every run', 'one robot'
 Read = Callable[[Any, str], Any]
 
 
-def as_given(value: Any, word: str) -> Any:
-    """Return the value of an option."""
-    return value
-
-
 @dataclass(frozen=True, kw_only=True)
 class Option:
     """
@@ -68,7 +63,7 @@ class Option:
     word: str
     help: str
     field: str = ''  # default: the word's own name
-    read: Read = as_given
+    read: Read = lambda value, word: value
     of: str = EVERY
     usual: str = ''
     how: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -114,11 +109,6 @@ def read_text(path: str, word: str) -> str:
 def read_script(parse: Callable[[str, str], Sequence[Any]], path: str, word: str) -> Any:
     """Return the events of a script."""
     return tuple(parse(read_text(path, word), path))
-
-
-def read_each(parse: Callable[[str], Any], texts: Sequence[str], word: str) -> Any:
-    """Return what each of several values says."""
-    return tuple(map(parse, texts))
 
 
 def read_number(text: str, word: str, most: float = 0.0) -> float:
@@ -303,7 +293,7 @@ OPTIONS = (
         "a point in the base's frame [m]; default: the centre of mass",
         of=ONE,
         field='pushes',
-        read=partial(read_each, parse_push),
+        read=lambda texts, word: tuple(map(parse_push, texts)),
         how={**REPEATABLE, 'metavar': '"T FX FY FZ S"'},
     ),
     Option(
@@ -343,7 +333,7 @@ OPTIONS = (
         help='put a box there [m] at time T [s] (repeatable); optional: yaw [rad], then length '
         'and width [m]',
         field='boxes',
-        read=partial(read_each, parse_box),
+        read=lambda texts, word: tuple(map(parse_box, texts)),
         how={**REPEATABLE, 'metavar': '"T X Y"'},
     ),
     Option(word='--layout', help='your keyboard (default: qwerty)', how={'choices': LAYOUTS}),
@@ -405,7 +395,7 @@ OPTIONS = (
         word='--goal',
         help='drive to a pose in the map [m, rad] (repeatable: one after another)',
         field='goals',
-        read=partial(read_each, parse_goal),
+        read=lambda texts, word: tuple(map(parse_goal, texts)),
         how={**REPEATABLE, 'metavar': '"X Y [YAW]"'},
     ),
     Option(

@@ -12,7 +12,7 @@ import os
 import shutil
 import subprocess
 import sys
-from typing import Any, TextIO, TYPE_CHECKING
+from typing import Any, TextIO
 
 from teleop_keyboard.key_reader import KeyReader, open_key_reader
 from teleop_keyboard.terminal import NoTerminal
@@ -24,9 +24,6 @@ from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.restart import become
 from wasd_bringup.run.options import choose_range, RunOptions
 from wasd_bringup.run.run import Run
-
-if TYPE_CHECKING:
-    from wasd_bringup.ros.home import RosHome
 
 # Options that only ROS serves.
 NEED_ROS = ('record', 'foxglove', 'gamepad', 'discovery')
@@ -58,8 +55,33 @@ def run_command(
         )
     uses_ros = _uses_ros(options, ros_arguments)
     choose_range(options.discovery, options.scripted and options.speed == 0.0)
+    place: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
+    home: Any = PlainHome()
+    if uses_ros:
+        # Here, because a run without ROS does not load it.
+        from wasd_bringup.ros.home import own_place, RosHome
+
+        place, home = own_place(options, ros_arguments), RosHome(ros_arguments)
+    made: list[Run] = []
+
+    def do() -> None:
+        run = home.make_run(options, reader, viewer != 'none')
+        made.append(run)
+        _halt_with(stop, reader, run)
+        if viewer != 'none':
+            # Here, because only a viewer needs it.
+            from wasd_bringup.page.bridge import open_view
+
+            where = open_view(run, viewer)
+            if viewer == 'web' and options.interactive and options.opens_page:
+                show_page(where)
+        if options.interactive or viewer != 'none' or options.has_guests:
+            print('\n'.join(run.first_lines), file=_where_to_say(options), flush=True)
+        end_loading()
+        run.run(stop)
+
     with (
-        _place(uses_ros, options, ros_arguments),
+        place,
         StopSignals() as stop,
         reader or contextlib.nullcontext(),
     ):
@@ -70,14 +92,15 @@ def run_command(
             interactive=_is_interactive(reader),
             words=getattr(arguments, 'words', ()),
         )
-        command = _Command(options, _home(uses_ros, ros_arguments))
         try:
-            attempt_all(lambda: command.do(reader, viewer, stop, end_loading), command.close)
+            # The end of everything, also of what has begun in part.
+            attempt_all(do, lambda: attempt_all(*(run.close for run in made), home.close))
         except Stopped:
             return stop.exit_status
-    print(command.summary(), file=_where_to_say(options))
-    if command.next_words:
-        become(command.next_words, environment)
+    (run,) = made
+    print(_summary(run, options), file=_where_to_say(options))
+    if run.next_words:
+        become(run.next_words, environment)
     status = last_status(stop)
     if stop.number is not None:
         leave(status)
@@ -125,76 +148,12 @@ def _uses_ros(options: RunOptions, ros_arguments: Sequence[str]) -> bool:
     return False
 
 
-def _place(
-    uses_ros: bool, options: RunOptions, ros_arguments: Sequence[str]
-) -> contextlib.AbstractContextManager[None]:
-    if not uses_ros:
-        return contextlib.nullcontext()
-    from wasd_bringup.ros.home import own_place
-
-    return own_place(options, ros_arguments)
-
-
-def _home(uses_ros: bool, ros_arguments: Sequence[str]) -> 'PlainHome | RosHome':
-    if not uses_ros:
-        return PlainHome()
-    # Here, because a run without ROS does not load it.
-    from wasd_bringup.ros.home import RosHome
-
-    return RosHome(ros_arguments)
-
-
 def _halt_with(stop: StopSignals, reader: KeyReader | None, run: Run) -> None:
     """Stop the robots when the process is suspended, or ended in the midst of something."""
     stop.last_words.insert(0, run.stop)
     if reader is not None and reader.terminal is not None:
         reader.terminal.before_suspend.append(run.stop)
         reader.terminal.after_resume.append(run.resume)
-
-
-class _Command:
-    """A run and what is around it, from their making to their end."""
-
-    def __init__(self, options: RunOptions, home: 'PlainHome | RosHome') -> None:
-        self._options, self._home = options, home
-        self._run: Run | None = None
-
-    def do(
-        self,
-        reader: KeyReader | None,
-        viewer: str,
-        stop: StopSignals,
-        end_loading: Callable[[], None],
-    ) -> None:
-        """Make everything, and run until the end."""
-        options = self._options
-        run = self._run = self._home.make_run(options, reader, viewer != 'none')
-        _halt_with(stop, reader, run)
-        if viewer != 'none':
-            # Here, because only a viewer needs it.
-            from wasd_bringup.page.bridge import open_view
-
-            where = open_view(run, viewer)
-            if viewer == 'web' and options.interactive and options.opens_page:
-                show_page(where)
-        if options.interactive or viewer != 'none' or options.has_guests:
-            print('\n'.join(run.first_lines), file=_where_to_say(options), flush=True)
-        end_loading()
-        run.run(stop)
-
-    def close(self) -> None:
-        """End everything, also what has begun in part; what fails hinders nothing else."""
-        attempt_all(*([self._run.close] if self._run is not None else []), self._home.close)
-
-    @property
-    def next_words(self) -> tuple[str, ...]:
-        """The words of the run that is to come in its place, if one is."""
-        return () if self._run is None else self._run.next_words
-
-    def summary(self) -> str:
-        """Return what has happened, in a line."""
-        assert self._run is not None
-        return _summary(self._run, self._options)
 
 
 def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:
