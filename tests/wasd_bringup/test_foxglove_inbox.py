@@ -5,15 +5,7 @@ import struct
 from types import SimpleNamespace
 
 import pytest
-from wasd_bringup.ros.foxglove_inbox import (
-    AT_ONCE,
-    Decode,
-    Inbox,
-    LARGEST,
-    LONGEST_QUEUE,
-    SILENCE,
-    Target,
-)
+from wasd_bringup.ros.foxglove_inbox import AT_ONCE, Inbox, LARGEST, LONGEST_QUEUE, SILENCE, Target
 from wasd_bringup.run.drivers import Drivers
 from wasd_core.errors import UserError
 
@@ -67,7 +59,7 @@ def robots():
 
 @pytest.fixture
 def inbox(robots):
-    inbox = Inbox(Decode(read_velocity, lambda sender, data: data.decode()))
+    inbox = Inbox(read_velocity, lambda sender, data: data.decode())
     inbox.receive_for([robot.target for robot in robots])
     return inbox
 

@@ -239,8 +239,8 @@ class Marks:
 
     place: np.ndarray
     rotation: np.ndarray
-    command: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    measured: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    command: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    measured: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
     estimate: np.ndarray | None = None
     estimated_rotation: np.ndarray | None = None
     footholds: np.ndarray | None = None

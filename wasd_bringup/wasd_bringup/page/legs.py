@@ -21,7 +21,7 @@ from quadruped_sim.robot_state import RobotState
 from wasd_cockpit.link import Elevation, KeyCap, Marks, PlanarPose, Setting, Stick, StickUse
 from wasd_core.rotations import matrix_from_quaternion, yaw_of
 
-from wasd_bringup.page.robot_view import Motion, Numbers, RobotView
+from wasd_bringup.page.robot_view import Motion, RobotView
 from wasd_bringup.run.go2 import Go2
 
 # The page is shown the elevation five times a second: once in so many clouds.
@@ -136,8 +136,8 @@ class LegsView(RobotView):
         return Marks(
             place=place,
             rotation=rotation,
-            command=_three(motion.command),
-            measured=_three(motion.odometry),
+            command=motion.command,
+            measured=motion.odometry,
             estimate=odometry.position + start,
             estimated_rotation=matrix_from_quaternion(odometry.orientation),
             footholds=self._footholds(robot, place, rotation),
@@ -190,8 +190,3 @@ class LegsView(RobotView):
     @property
     def _drives_by_velocity(self) -> bool:
         return self._controller.state == StateName.MOVE_BASE
-
-
-def _three(values: Numbers) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z

@@ -27,12 +27,12 @@ class WheelsView(RobotView):
     def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
         """Return what is drawn beside the robot."""
         state = self._robot.drive_unit.controller.odometry_state
-        command, measured = (tuple(map(float, part)) for part in self.motion()[:2])
+        motion = self.motion()
         return Marks(
             place=place,
             rotation=rotation,
-            command=(command[0], command[1], command[2]),
-            measured=(measured[0], measured[1], measured[2]),
+            command=motion.command,
+            measured=motion.odometry,
             estimate=np.array([state.x, state.y, 0.0]) + (*self._robot.start, place[2]),
             estimated_rotation=yaw_matrix(state.yaw),
             size=self._robot.geometry.wheel_separation,

@@ -22,7 +22,7 @@ from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
 from wasd_bringup.ros.foxglove_gate import Gate, secret_host
-from wasd_bringup.ros.foxglove_inbox import Decode, Inbox, Sender, Target
+from wasd_bringup.ros.foxglove_inbox import Inbox, Sender, Target
 from wasd_bringup.run.robot import Velocity
 from wasd_bringup.tools.graph import find_type
 from wasd_bringup.tools.messages import fill, type_name
@@ -63,9 +63,6 @@ def read_key(sender: Sender, data: bytes) -> str:
         UserError: it is no such message.
     """
     return _read(sender, data, (String,)).data
-
-
-DECODE = Decode(read_velocity, read_key)
 
 
 def _read(sender: Sender, data: bytes, kinds: Sequence[type[Any]]) -> Any:
@@ -121,7 +118,7 @@ class FoxgloveServer:
             UserError: the library is not installed, or the port is taken.
         """
         self.now: Callable[[], int] = lambda: 0
-        self.inbox = Inbox(DECODE)
+        self.inbox = Inbox(read_velocity, read_key)
         self._sdk = load_sdk()
         self._context = self._sdk.Context()
         self._channels: dict[str, Any] = {}

@@ -29,13 +29,6 @@ class Sender(NamedTuple):
     schema: str
 
 
-class Decode(NamedTuple):
-    """How a message is read; both raise UserError."""
-
-    velocity: Callable[[Sender, bytes], Velocity]
-    key: Callable[[Sender, bytes], str]
-
-
 class Target(NamedTuple):
     """A robot that clients drive, and the full names of the topics that do."""
 
@@ -105,8 +98,13 @@ class Inbox:
     count again once it has sent a zero, or nothing for SILENCE.
     """
 
-    def __init__(self, decode: Decode) -> None:
-        self._decode = decode
+    def __init__(
+        self,
+        read_velocity: Callable[[Sender, bytes], Velocity],
+        read_key: Callable[[Sender, bytes], str],
+    ) -> None:
+        """Take how messages are read; both raise UserError."""
+        self._read_velocity, self._read_key = read_velocity, read_key
         self._targets: Sequence[Target] = ()
         self._clients: dict[int, _Client] = {}
         self._events: queue.SimpleQueue[tuple[int, int, Sender | bytes | None]] = (
@@ -185,9 +183,9 @@ class Inbox:
     def _obey(self, client: _Client, sender: Sender, data: bytes) -> None:
         for target in self._targets:
             if sender.topic == target.command_topic:
-                return client.drive(target, self._decode.velocity(sender, data), not self._deaf)
+                return client.drive(target, self._read_velocity(sender, data), not self._deaf)
             if sender.topic == target.key_topic:
-                return client.press(target.robot, self._decode.key(sender, data), not self._deaf)
+                return client.press(target.robot, self._read_key(sender, data), not self._deaf)
         known = [topic for target in self._targets for topic in target[1:]]
         raise UserError(
             f'{sender.topic}: clients cannot publish there; wanted {" or ".join(known)}'

@@ -101,8 +101,8 @@ def drive_squares(
             note(number)
             run = Run(options)
             try:
-                square = _Square(run, test, number)
-                run.run(_Either(signals, square))
+                square = _Square(run, test, number, signals)
+                run.run(square)
                 if signals.requested:
                     raise KeyboardInterrupt
                 runs.append(square.run())
@@ -111,27 +111,15 @@ def drive_squares(
     return DrivenSquares(runs, square.geometry)
 
 
-class _Either:
-    """A stop that is requested from outside or when the square is done."""
-
-    def __init__(self, signals: Any, square: '_Square') -> None:
-        self._signals = signals
-        self._square = square
-
-    @property
-    def requested(self) -> bool:
-        return self._signals.requested or self._square.is_done
-
-
 class _Square:
     """Drives one square in a run and writes down angles and truth at every control step."""
 
-    def __init__(self, run: Run, test: SquareTest, number: int) -> None:
-        self._world = run.world
+    def __init__(self, run: Run, test: SquareTest, number: int, signals: Any) -> None:
+        self._world, self._signals = run.world, signals
         robot: Any = run.robot  # with wheels
         self._robot = robot
         self.geometry = robot.geometry
-        self.is_done = False
+        self._is_done = False
         self._turn = 1 if number % 2 == 0 else -1
         self._rows: list[tuple[float, ...]] = []
         random = np.random.default_rng([test.seed, number // 2])
@@ -140,6 +128,11 @@ class _Square:
         schedule = run.simulation.schedule
         schedule.at_rate('update_rate', 1.0 / robot.period, self._record)
         schedule.every(TICK, self._drive)
+
+    @property
+    def requested(self) -> bool:
+        """Whether to stop: from outside, or because it is done."""
+        return self._signals.requested or self._is_done
 
     def run(self) -> SquareRun:
         """Return what was recorded."""
@@ -172,7 +165,7 @@ class _Square:
     def _drive(self) -> None:
         velocity = next(self._velocities, None)
         if velocity is None:
-            self.is_done = True
+            self._is_done = True
         else:
             self._robot.command(velocity)
 
