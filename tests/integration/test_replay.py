@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cases import for_all
+from geometry_msgs.msg import Twist, TwistStamped
 import numpy as np
 import pytest
 from teleop_keyboard.key_script import parse_key_script
@@ -15,8 +16,15 @@ from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.worlds import build_worlds
 from wasd_bringup.tools.recording import BagWriter
-from wasd_bringup.tools.recording.reader import BagReader, describe_run, recorded_options
-from wasd_bringup.tools.recording.recorder import BagRecorder
+from wasd_bringup.tools.recording.reader import (
+    BagReader,
+    describe_run,
+    read_commands,
+    recorded_options,
+    recorded_ros_arguments,
+    RecordingError,
+)
+from wasd_bringup.tools.recording.recorder import BagRecorder, full_definition, to_bytes
 from wasd_bringup.tools.recording.replay import ReplayView
 
 pytestmark = [pytest.mark.long, pytest.mark.slow]
@@ -111,6 +119,77 @@ def test_ros_arguments_are_repeated_but_for_other_names_of_topics(run: Any) -> N
     assert done.returncode == 2
     said = 'error: ros.mcap: recorded with cmd_vel:=other: cannot be driven again\n'
     assert done.stderr == said
+
+
+@pytest.mark.parametrize(
+    ('rule', 'is_driven'),
+    [
+        ('cmd_vel:=x', False),
+        ('/cmd_vel:=/vel', False),
+        ('teleop:/robot/cmd_vel:=/vel', False),
+        ('/ground_truth/odom:=/truth', False),
+        ('scan:=lidar', True),
+        ('/my_cmd_vel:=/vel', True),
+    ],
+)
+def test_other_names_of_topics_of_a_replay_are_refused_in_any_form(
+    rule: str, is_driven: bool
+) -> None:
+    words = ['--ros-args', '-r', '__ns:=/robot', '-r', rule]
+    recorded = describe_run(RunOptions(robot='mbot', description='mbot'), words)
+    if is_driven:
+        assert recorded_ros_arguments(recorded) == words
+    else:
+        with pytest.raises(RecordingError, match=f'recorded with {rule}: cannot be driven'):
+            recorded_ros_arguments(recorded)
+
+
+def test_a_robot_alone_is_driven_again_in_a_namespace_of_any_depth(run: Any) -> None:
+    runner = run[0]
+    words = ('mbot', '--duration', '1', '--speed', '0', '--record', 'deep.mcap')
+    ros = ('--ros-args', '-r', '__ns:=/fleet/robot')
+    assert runner(*words, *ros).returncode == 0
+    done = runner('replay', 'deep.mcap', '--drive')
+    assert (done.returncode, done.stdout) == (0, '50 of 50 recorded poses are identical\n')
+
+
+@pytest.mark.parametrize(
+    ('words', 'play'),
+    [
+        (('--layout', 'azerty'), '0.1 2\n1.8 4\n2 z*8'),
+        (('--preset', 'wasd'), '0.1 2\n1.8 5\n2.4 e*20'),
+    ],
+)
+def test_keys_mean_the_same_again_on_their_layout_and_in_their_preset(
+    run: Any, words: tuple[str, ...], play: str
+) -> None:
+    runner = run[0]
+    recorded = runner.report('go2', *words, '--duration', '4', '--record', 'go2.mcap', play=play)
+    start, *_, end = recorded['samples']['position']
+    assert np.hypot(end[0] - start[0], end[1] - start[1]) > 0.05 or words[0] == '--preset'
+    done = runner('replay', 'go2.mcap', '--drive')
+    assert (done.returncode, done.stdout) == (0, '200 of 200 recorded poses are identical\n')
+
+
+@pytest.mark.parametrize('is_stamped_first', [False, True])
+def test_velocities_of_two_types_on_one_topic_are_read_each_by_its_own(
+    tmp_path: Path, is_stamped_first: bool
+) -> None:
+    plain, stamped = Twist(), TwistStamped()
+    plain.linear.x, plain.angular.z, stamped.twist.linear.x = 0.3, 0.1, 0.4
+    stamped.header.frame_id = 'base_footprint'
+    bag = BagWriter(
+        tmp_path / 'two.mcap', describe_run(RunOptions(robot='mbot', description='mbot'))
+    )
+    messages = [stamped, plain] if is_stamped_first else [plain, stamped]
+    for time, message in enumerate(messages):
+        kind = f'geometry_msgs/msg/{type(message).__name__}'
+        channel = bag.add_channel('/cmd_vel', kind, full_definition(kind), '')
+        bag.write(channel, time, to_bytes(message))
+    bag.close()
+    velocities = [one.velocity for one in read_commands(BagReader(tmp_path / 'two.mcap'))]
+    wanted = [(0.3, 0.0, 0.1), (0.4, 0.0, 0.0)]
+    assert velocities == (wanted[::-1] if is_stamped_first else wanted)
 
 
 def test_another_way_is_told_with_its_beginning(run: Any) -> None:

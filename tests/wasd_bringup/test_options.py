@@ -152,15 +152,27 @@ def test_a_recording_knows_what_guards_a_robot_and_what_walks_it(read, tmp_path)
     network = tmp_path / 'walk.onnx'
     network.write_bytes(b'')
     more = {'policy': str(network), 'policy_config': 'deploy.yaml', 'height_scan': 'truth'}
-    options = replace(read('--guard', '--eyes'), **more)
+    options = replace(read('--guard', '--eyes', '--lidar', 'ideal'), **more)
     recorded = recorded_options(describe_run(options))
-    assert (recorded.guard, recorded.eyes) == (True, True)
+    assert (recorded.guard, recorded.eyes, recorded.lidar) == (True, True, 'ideal')
     assert {name: getattr(recorded, name) for name in more} == more
     older = {name: value for name, value in describe_run(options).items() if name not in
-             ('guard', 'eyes', *more)}  # fmt: skip
+             ('guard', 'eyes', 'lidar', 'preset', 'layout', *more)}  # fmt: skip
+    network = {'policy': None, 'policy_config': None, 'height_scan': 'map'}
     assert recorded_options(older) == replace(
-        recorded, guard=False, eyes=False, policy=None, policy_config=None, height_scan='map'
+        recorded, guard=False, eyes=False, lidar='honest', **network
     )
+
+
+def test_a_recording_knows_the_keyboard_and_its_files_from_every_folder(read, tmp_path):
+    for name in ('plan,1.png', 'keys.yaml', 'wasd'):
+        (tmp_path / name).write_text(name)
+    words = '--layout', 'azerty', '--preset', 'keys.yaml', '--world', 'plan,1.png,0.05'
+    recorded = recorded_options(describe_run(read(*words)))
+    assert (recorded.layout, recorded.preset) == ('azerty', str(tmp_path / 'keys.yaml'))
+    assert recorded.world == f'{tmp_path}/plan,1.png,0.05'
+    named = recorded_options(describe_run(read('--preset', 'wasd', '--world', 'stairs:0.1,0.3')))
+    assert (named.preset, named.world) == ('wasd', 'stairs:0.1,0.3')
 
 
 def test_what_is_recorded_of_a_run_are_its_options(read):
