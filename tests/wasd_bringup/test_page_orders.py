@@ -243,6 +243,23 @@ def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_o
     assert keys == ['w', 'w', SWITCH_KEY, SWITCH_KEY, 'SPACE', SWITCH_KEY]
 
 
+def test_the_stick_and_the_e_stop_reach_their_robot_though_its_keys_are_held_for_another(run_of):
+    run = run_of('both', 'unitree')
+    run.session.press(SWITCH_KEY)
+    held = ('w', 'SPACE', SWITCH_KEY)
+    for key in held:
+        run.session.press(f'HELD+{key}', 'page')
+    run.session.press(SWITCH_KEY)
+    run.session.robots[0].legs.controller._machine.force(StateName.TROTTING)
+    run.heard[1].clear()
+    run.look(Stick(0.1))
+    assert run.heard == [['w', 'w'], []]
+    run.session.e_stop('page')
+    assert run.heard[0][-2:] == [*run.session.robots[0].stop_keys]
+    assert {*run.heard[1]} == {*run.session.robots[1].stop_keys}
+    assert run.session.active == 0
+
+
 @pytest.mark.parametrize(
     ('given', 'text', 'shown'),
     [

@@ -49,33 +49,34 @@ class KeySwitch:
     """
     Sends each key to one of `count` robots: the one in turn, which SWITCH_KEY makes the next.
 
-    A key that is still down at a switch belongs to the robot for which it was pressed until it is
-    let go: its end must not reach the other one, and must reach this one. `on_leave` are told the
-    number of the robot that the keys leave.
+    A key that a source still holds down at a switch belongs to the robot for which it was pressed
+    until it is let go: its repeats and its end must not reach the other one, and must reach this
+    one. SWITCH_KEY repeats nothing. `on_leave` are told the number of the robot that the keys
+    leave.
     """
 
     def __init__(self, count: int) -> None:
         self._count = count
-        self._owners: dict[str, int] = {}
+        self._owners: dict[tuple[str, str], int] = {}  # of a source's key
         self.active = 0
         self.on_leave: list[Callable[[int], None]] = []
 
-    def receiver(self, key: str) -> int | None:
-        """Return which robot gets a key; None where the key was for the switch itself."""
+    def receiver(self, key: str, by: str = 'keys') -> int | None:
+        """Return which robot gets a source's key; None where it was for the switch itself."""
         if self._count == 1:
             return 0
         event, base = split_event(key)
-        if base == SWITCH_KEY:
-            if not event:
-                for tell in self.on_leave:
-                    tell(self.active)
-                self.active = (self.active + 1) % self._count
-            return None
+        held = by, base
+        if base == SWITCH_KEY and not event and held not in self._owners:
+            for tell in self.on_leave:
+                tell(self.active)
+            self.active = (self.active + 1) % self._count
+        owner = self._owners.get(held, self.active)
         if event == RELEASE:
-            return self._owners.pop(base, self.active)
-        if event == HELD:
-            return self._owners.setdefault(base, self.active)
-        return self.active
+            self._owners.pop(held, None)
+        elif event == HELD:
+            self._owners[held] = owner
+        return None if base == SWITCH_KEY else owner
 
 
 @dataclass
@@ -407,8 +408,8 @@ class Run:
             elif command.velocity is not None:
                 robot.drive(command.velocity, 'recording')
 
-    def press(self, key: str, by: str = 'keys') -> None:
-        """Give a source's key to its robot."""
+    def press(self, key: str, by: str = 'keys', to: int | None = None) -> None:
+        """Give a source's key to a robot, by its number, else to the one that it is for."""
         for note in self.listeners.of_keys:
             note(key)
         if self._writer is not None:
@@ -416,7 +417,7 @@ class Run:
             self._writer.write(self.world.time, key)
         if self._is_for_the_run(key):
             return
-        receiver = self.switch.receiver(key)
+        receiver = self.switch.receiver(key, by) if to is None else to
         if receiver is not None:
             self.robots[receiver].press(key, by)
         elif self._view is not None:
@@ -512,13 +513,13 @@ class Run:
         driven = self.switch.active
         self.switch_to(robot)
         for key in keys:
-            self.press(key, by)
+            self.press(key, by, robot)
         self.switch_to(driven)
 
     def switch_to(self, robot: int) -> None:
         """Let the keys drive a robot, by its number."""
         while self.switch.active != robot:
-            self.press(SWITCH_KEY)
+            self.press(SWITCH_KEY, 'run')  # whoever holds that key down
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""
