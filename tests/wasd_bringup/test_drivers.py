@@ -50,6 +50,19 @@ def test_who_ever_presses_the_stop_key_stops_what_keys_have_latched(drivers, sou
     assert not any(drivers.held('page'))
 
 
+@pytest.mark.parametrize(
+    ('source', 'counts'), [('sine', False), ('page', False), ('script', True)]
+)
+def test_a_silence_lasts_on_a_hands_clock_but_that_of_a_script_in_simulated_time(source, counts):
+    drivers = make()
+    drivers.take(source, key='w')
+    drivers.take(source, velocity=FAST)
+    drivers.stop('page')
+    drivers.step(2.0 * SILENCE, haste=20.0)
+    assert drivers.take(source, key='w') == counts
+    assert drivers.take(source, velocity=FAST) == counts
+
+
 def test_a_source_that_is_released_tells_what_it_moved(drivers):
     drivers.take('page', key='w')
     drivers.take('gamepad', velocity=FAST)

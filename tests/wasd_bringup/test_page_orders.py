@@ -228,6 +228,21 @@ def test_after_an_emergency_stop_others_are_refused_until_they_were_silent_or_se
         assert admit((0.2, 0.0, 0.0))
 
 
+@pytest.mark.parametrize('speed', [20.0, 0.0])
+def test_an_emergency_stop_holds_against_who_sends_on_while_time_hurries(run_of, speed):
+    run = run_of('mbot', 'mbot')
+    robot, simulation = run.session.robot, run.session.simulation
+    run.bridge._link.order(Order('speed', value=speed))
+    run.look()
+    simulation.pacer.allowed(0.0, 0.0)
+    simulation.pacer.measure(1.0, 20.0)
+    assert robot.drive((0.2, 0.0, 0.0), 'sine')
+    run.order('e-stop')
+    for _ in range(10):
+        simulation.advance(round(20.0 * 0.1 / run.session.world.time_step))
+        assert not robot.drive((0.2, 0.0, 0.0), 'sine')
+
+
 def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_of, tmp_path):
     run = run_of('both', 'unitree', save_keys=OutputFile(tmp_path / 'saved', '--save-keys'))
     run.look(Stick(0.1))

@@ -28,6 +28,8 @@ RIGHTS = {
     'navigator': 'plan',
 }
 USUAL_RIGHT = 'program'
+# Sources that live in simulated time, all others in that of a hand.
+SCRIPTS = ('script', 'recording')
 
 Velocity = tuple[float, float, float]
 
@@ -190,14 +192,19 @@ class Drivers:
         for hold in self._holds.values():
             hold.let_go()
 
-    def step(self, dt: float) -> None:
-        """Let `dt` [s] pass: release what is no longer repeated."""
-        for hold in self._holds.values():
-            hold.asked += dt
+    def step(self, dt: float, haste: float = 1.0) -> None:
+        """
+        Let `dt` [s] of simulated time pass: release what is no longer repeated.
+
+        That time goes `haste` times as fast as a hand's.
+        """
+        for source, hold in self._holds.items():
+            passed = dt if source in SCRIPTS else dt / haste
+            hold.asked += passed
             if hold.asked > SILENCE:
                 hold.is_driving = hold.is_refused = False
             for key in hold.ages:
-                hold.ages[key] += dt
+                hold.ages[key] += passed
             for key in [key for key, age in hold.ages.items() if age > SILENCE]:
                 del hold.ages[key]
                 if key not in hold.down:

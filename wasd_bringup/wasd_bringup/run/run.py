@@ -17,7 +17,7 @@ from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
 from wasd_core.timing import HELD, RELEASE, split_event
 
-from wasd_bringup.run.drivers import Driver, E_STOP, LOST
+from wasd_bringup.run.drivers import Driver, E_STOP, LOST, SCRIPTS
 from wasd_bringup.run.face import Face
 from wasd_bringup.run.inputs import (
     BoxPlayer,
@@ -274,7 +274,7 @@ class Run:
         A script that stops the robots itself goes on.
         """
         self.disarm()
-        if by not in ('script', 'recording'):
+        if by not in SCRIPTS:
             self._end_scripts()
         for tell in self.listeners.of_e_stop:
             tell()
@@ -386,10 +386,10 @@ class Run:
 
     def _look_who_drives(self) -> None:
         """Release silent sources, and publish who drives."""
-        # A hand is no faster because time is.
-        passed = 1.0 / (TWIST_RATE * max(self.options.speed, 1.0))
+        pacer = self.simulation.pacer
+        haste = max(pacer.speed or pacer.real_time_factor, 1.0)
         for robot in self.robots:
-            robot.drivers.step(passed)
+            robot.drivers.step(1.0 / TWIST_RATE, haste)
         self.face.look_who_drives()
 
     def _repeat(self, command: Command) -> None:
