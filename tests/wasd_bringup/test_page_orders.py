@@ -11,7 +11,7 @@ from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.inputs import ScriptedTwist, SWITCH_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import REFUSED
-from wasd_cockpit.link import Order, Stick, words_of
+from wasd_cockpit.link import Order, Stick, STICK_PROOF, words_of
 from wasd_core.output_file import OutputFile
 
 pytestmark = pytest.mark.slow
@@ -356,6 +356,30 @@ def test_a_stick_held_over_an_e_stop_of_another_source_drives_only_after_its_rel
     assert controller.target.linear > 0.05
     run.session.press('ESC')
     for _ in range(100):  # longer than any silence
+        run.look(stick)
+        run.session.simulation.advance(33)
+        assert controller.target.linear == 0.0
+    run.look(None)
+    run.look(stick)
+    assert controller.target.linear > 0.05
+
+
+@pytest.mark.parametrize('is_late', [False, True])
+def test_a_stick_of_a_page_that_is_late_drives_after_an_e_stop_only_once_it_was_let_go(
+    run_of, is_late
+):
+    run, now = run_of('mbot', 'mbot'), [0.0]
+    run.bridge._link._clock = lambda: now[0]
+    run.bridge.attach('')
+    controller, stick = run.session.robot.drive_unit.controller, Stick(0.5, 0.0, 0.0)
+    run.look(stick)
+    for is_silent in (is_late, not is_late):
+        if is_silent:
+            now[0] += 1.3 * STICK_PROOF
+            run.bridge.step(run._now, PERIOD)
+        else:
+            run.session.press('ESC')
+    for _ in range(10):
         run.look(stick)
         run.session.simulation.advance(33)
         assert controller.target.linear == 0.0

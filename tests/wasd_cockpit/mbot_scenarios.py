@@ -3,6 +3,7 @@
 
 import math
 import random
+import time
 import urllib.request
 
 from mujoco_sim.viewer.drawing import SLOW_PAGE
@@ -88,6 +89,24 @@ def scenario_a_stick_of_a_silent_page_is_let_go(page: Page) -> None:
     assert last_command(page, since) <= STICK_PROOF + STOP_TIME
     # What is down since before the silence counts for nothing until it was up.
     page.puppet.draw(10)
+    since = page.session.world.time
+    page.wait(0.5)
+    assert last_command(page, since) == 0.0
+    page.puppet.let_go()
+
+
+def scenario_a_stick_that_is_held_over_an_e_stop_stays_still_though_the_page_is_late(
+    page: Page,
+) -> None:
+    target = page.robot.drive_unit.controller
+    hold_stick(page)
+    page.puppet.keys = {code('Escape')}
+    page.wait_until(lambda: target.target.linear == 0.0, 'stands')
+    page.puppet.keys = set()
+    page.puppet.is_silent = True
+    time.sleep(1.3 * STICK_PROOF)
+    page.puppet.is_silent = False
+    page.puppet.draw(4)
     since = page.session.world.time
     page.wait(0.5)
     assert last_command(page, since) == 0.0

@@ -370,6 +370,11 @@ class Link:
         return self._proved.stick
 
     @property
+    def has_stick(self) -> bool:
+        """Whether the page held the stick when it was last heard, however long ago."""
+        return self._held.stick is not None
+
+    @property
     def force(self) -> Force | None:
         """The force with which a hand pushes the robot now [N]."""
         return self._proved.force

@@ -238,8 +238,7 @@ class CockpitBridge:
     def _release(self) -> None:
         """End, without waiting for a snapshot, what a hand no longer does to the robot in turn."""
         active, link = self._run.active, self._link
-        if link.stick is None:
-            self._is_ignored = False
+        self._is_ignored &= link.has_stick  # a page that is only late has not let go
         if self._driven is not None and (link.stick is None or self._driven != active):
             self.let_go()
         if self._pushed is not None and (link.force is None or self._pushed != active):
@@ -263,7 +262,7 @@ class CockpitBridge:
 
     def _disarm(self) -> None:
         """Stop what the stick moves, and ignore it until it is released."""
-        self._is_ignored = self._link.stick is not None
+        self._is_ignored = self._link.has_stick
         self.let_go()
 
     def let_go(self) -> None:
