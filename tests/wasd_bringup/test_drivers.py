@@ -63,6 +63,17 @@ def test_a_silence_lasts_on_a_hands_clock_but_that_of_a_script_in_simulated_time
     assert drivers.take(source, velocity=FAST) == counts
 
 
+def test_a_key_without_a_name_is_nothing_not_even_a_velocity_of_zero(drivers):
+    told = []
+    drivers.on_take.append(told.append)
+    assert not drivers.take('topic', key='')
+    assert told == []
+    drivers.take('topic', velocity=FAST)
+    drivers.stop('page')
+    assert not drivers.take('topic', key='')
+    assert not drivers.take('topic', velocity=FAST)
+
+
 def test_a_source_that_is_released_tells_what_it_moved(drivers):
     drivers.take('page', key='w')
     drivers.take('gamepad', velocity=FAST)

@@ -63,7 +63,8 @@ class ControllerFace:
 
         def admit_key(topic: str, message: String) -> bool:
             is_e_stop = robot.heeds_e_stop(message.data, f'topic {topic}')
-            return not is_e_stop and robot.take_topic(topic, key=message.data)
+            is_key = bool(message.data) and not is_e_stop
+            return is_key and robot.take_topic(topic, key=message.data)
 
         for subscription in self.key_inputs:
             subscription.admit = functools.partial(admit_key, subscription.topic)

@@ -139,19 +139,27 @@ class Drivers:
         return self._holds.get(source, _Hold()).held
 
     def take(
-        self, source: str, *, key: str = '', velocity: Iterable[float] = (), what: str = ''
+        self,
+        source: str,
+        *,
+        key: str | None = None,
+        velocity: Iterable[float] = (),
+        what: str = '',
     ) -> bool:
         """
         Return whether a key or a velocity [m/s], [m/s], [rad/s] of a source counts now.
 
-        `what` is the name by which those that give way tell of it.
+        A key without a name never does. `what` is the name by which those that give way
+        tell of it.
         """
+        if key == '':
+            return False
         hold = self._holds.setdefault(source, _Hold())
         hold.asked = 0.0
         counts = self._take_key(hold, key) if key else self._take_velocity(hold, velocity)
         if not counts or (self.stopped_by and source != E_STOP):
             return False
-        if split_event(key)[0] == RELEASE:
+        if key and split_event(key)[0] == RELEASE:
             return True  # it gives up, and takes nothing
         taken = Take(source, what or ('a key' if key else 'a velocity'))
         for tell in self.on_take:
