@@ -14,6 +14,7 @@ from quadruped_sim.parameters import (
     WEIGHT_UNITS,
 )
 from robot_description.morphology.quadruped import GO2, Scale
+from wasd_core.parameters import InvalidParameter
 
 PARAMETERS = LegControllerParameters()
 
@@ -75,6 +76,15 @@ def test_slippery_feet_push_and_speed_up_less():
     assert wet.mpc.friction == pytest.approx(0.16)
     assert wet.command.forward_acceleration == pytest.approx(0.4 * 0.2 * 9.81)
     assert scale_parameters(PARAMETERS, GO2, friction=0.6) == PARAMETERS
+
+
+@pytest.mark.parametrize(
+    ('lowered', 'said'),
+    [({'friction': 0.0}, 'friction must be > 0'), ({'motor_speed': 0.0}, 'step_height must be >')],
+)
+def test_what_a_description_lowers_to_nothing_is_refused(lowered, said):
+    with pytest.raises(InvalidParameter, match=said):
+        scale_parameters(PARAMETERS, GO2, **lowered)
 
 
 def test_slow_motors_lift_the_feet_lower():
