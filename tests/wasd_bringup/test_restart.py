@@ -2,18 +2,41 @@
 """A run that its page starts again: with which words, and when it does not."""
 
 from pathlib import Path
+import re
+import signal
 import socket
+import subprocess
+import sys
+import urllib.request
 
 from cases import for_all
 from mujoco_sim.scene import TERRAINS
 from mujoco_sim.scene import WORLDS as PLAIN
+import programs
 import pytest
+from terminals import PATIENCE
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.restart import page_port, Restart, restart_words, WORLDS
 from wasd_bringup.run.options import RunOptions
 from wasd_core.output_file import OutputFile
 
+# A run whose page asks at once for another robot.
+ASKS = """
+import sys
+from wasd_bringup.cli import main
+from wasd_bringup.page.bridge import CockpitBridge
+from wasd_cockpit.link import Order
+
+attach = CockpitBridge.attach
+
+def ask(bridge, where):
+    attach(bridge, where)
+    bridge._link.order(Order('start', 'mbot flat'))
+
+CockpitBridge.attach = ask
+sys.exit(main(sys.argv[1:]))
+"""
 USUAL = RunOptions(robot='go2', description='go2', words=('go2',))
 
 
@@ -32,12 +55,14 @@ def restart(**options: object) -> Restart:
         ('go2', 'go2'),
         ('go2 --gait walk --world flat --port 8090', 'go2 --gait walk'),
         ('go2 --world=flat --no-open --port=8090 --seed 3', 'go2 --seed 3'),
+        ('go2 --viewer web --seed 3', 'go2 --seed 3'),
         ('mbot --preset wasd --world flat', 'go2'),  # the options of another robot
+        ('mbot --ros-args -p update_rate:=50', 'go2'),
     ],
 )
 def test_a_run_starts_again_with_its_options_in_another_world_on_the_same_page(before, after):
     words = restart_words(tuple(before.split()), 'go2', 'room', '8083')
-    assert ' '.join(words) == f'{after} --world room --port 8083 --no-open'
+    assert ' '.join(words) == f'{after} --world room --viewer web --port 8083 --no-open'
     again = restart_words(words, 'go2', 'flat', '8083')
     assert len(again) == len(words)
     options = read_options(make_parser().parse_args(again))
@@ -51,6 +76,32 @@ def test_the_page_shows_the_options_with_which_the_same_robot_starts_again(monke
     assert start.refusal == ''
     assert start.words('go2', 'room') == "wasd go2 --map --package-path 'my robots' --world room"
     assert start.words('mbot', 'room') == 'wasd mbot --world room'
+
+
+@pytest.mark.slow
+def test_without_a_terminal_the_page_comes_back_with_another_robot(tmp_path, monkeypatch):
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
+    words = [sys.executable, '-P', '-c', ASKS, 'go2', '--viewer', 'web', '--no-ros', '--port', '0']
+    with programs.start(
+        words,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as run:
+        places: list[str] = []
+        for line in run.stdout:
+            places += re.findall(r'^viewer: (\S+)', line)
+            if len(places) == 2:
+                break
+        try:
+            before, after = places
+            assert before == after
+            with urllib.request.urlopen(f'{after}status', timeout=PATIENCE) as answer:
+                assert b'mbot' in answer.read()
+        finally:
+            run.send_signal(signal.SIGINT)
+            run.communicate(timeout=PATIENCE)
 
 
 def test_a_port_that_was_taken_in_between_is_not_insisted_on(monkeypatch, capsys):
@@ -75,7 +126,8 @@ def test_only_what_the_page_offers_is_started():
     run.want('no_such_robot', 'room')
     assert run.wanted == ()
     run.want('both', 'stairs:0.1')
-    assert run.wanted == (*('both', '--world', 'stairs:0.1', '--port', '8083', '--no-open'),)
+    words = 'both --world stairs:0.1 --viewer web --port 8083 --no-open'
+    assert run.wanted == tuple(words.split())
 
 
 def test_every_kind_of_world_is_offered_and_each_can_be_had():

@@ -27,7 +27,7 @@ WORLDS = (
     *(*PLAIN, 'flat:1', 'slope:10', 'stairs:0.1', 'step:0.1', 'boxes:0.05', 'rough:0.05'),
     *('ice:0.2', 'gap:0.15', 'stepping:0.1', 'course:1'),
 )
-_WITH_VALUE, _ALONE = ('--world', '--port'), ('--no-open',)
+_WITH_VALUE, _ALONE = ('--world', '--port', '--viewer'), ('--no-open',)
 # Set for a run that starts again: its port is the one that it had, not one that a user asks for.
 _MARK = 'WASD_ANEW'
 
@@ -77,8 +77,10 @@ def refusal(options: RunOptions) -> str:
 
 def restart_words(words: Sequence[str], robot: str, world: str, port: str) -> tuple[str, ...]:
     """Return words with another robot, whose options are its own, or world, and the same page."""
-    kept = kept_words(words) if words[0] == robot else ()
-    return (robot, *kept, '--world', world, '--port', port, '--no-open', *words[_end(words) :])
+    is_same = words[0] == robot
+    kept, for_ros = (kept_words(words), words[_end(words) :]) if is_same else ((), ())
+    page = '--viewer', 'web', '--port', port, '--no-open'
+    return (robot, *kept, '--world', world, *page, *for_ros)
 
 
 def kept_words(words: Sequence[str]) -> tuple[str, ...]:
