@@ -19,10 +19,10 @@ from mujoco_sim.viewer.input import PageInput
 from wasd_cockpit import style
 from wasd_cockpit.layout import Layout, Place, TOUCH_SCALE
 from wasd_cockpit.link import Link, Order, words_of
-from wasd_cockpit.panels import PagePanel, PageState
 from wasd_cockpit.panels.drive import Drive, Keys, LEAST_SHARE
 from wasd_cockpit.panels.eyes import Eyes
 from wasd_cockpit.panels.map import Map
+from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.panels.plots import PAGES, Plots
 from wasd_cockpit.panels.robot import RELEASE_LABEL, Robot, STOP_LABEL, World
 from wasd_cockpit.panels.view import View
@@ -33,21 +33,17 @@ from wasd_cockpit.widgets import columns, Widgets
 # More than this is no file of ours.
 _LARGEST_SETTINGS = 100_000
 _LOG = logging.getLogger(__name__)
-_FIXED = functools.reduce(
-    int.__or__,
-    (
-        int(getattr(imgui.WindowFlags, name).value)
-        for name in (
-            'NoTitleBar',
-            'NoResize',
-            'NoMove',
-            'NoCollapse',
-            'NoSavedSettings',
-            'NoBringToFrontOnFocus',
-            # A window that was clicked must not take the keys: they drive.
-            'NoNav',
-        )
+_FIXED = style.flags(
+    imgui.WindowFlags,
+    *(
+        'NoTitleBar',
+        'NoResize',
+        'NoMove',
+        'NoCollapse',
+        'NoSavedSettings',
+        'NoBringToFrontOnFocus',
     ),
+    'NoNav',  # a window that was clicked must not take the keys: they drive
 )
 _CHIP = _FIXED | int(imgui.WindowFlags.AlwaysAutoResize.value)
 _TAB_HEIGHT = 26.0
@@ -112,7 +108,7 @@ class Cockpit:
         self.scene = Scene()
         self.times = Times()
         self._drive, self._plots = Drive(), Plots()
-        self._panels: dict[str, PagePanel] = {
+        self._panels: dict[str, Any] = {
             'robot': Robot(),
             'drive': self._drive,
             'keys': Keys(),
@@ -217,12 +213,9 @@ class Cockpit:
             rect = place.rect
             imgui.SetNextWindowPos(imgui.Vec2(rect.left, rect.top))
             imgui.SetNextWindowSize(imgui.Vec2(rect.width, rect.height))
-            self._begin(place)
+            imgui.Begin(place.panels[0], flags=_FIXED)
             self._draw_tabs(place)
             imgui.End()
-
-    def _begin(self, place: Place) -> None:
-        imgui.Begin(place.panels[0], flags=_FIXED)
 
     def _draw_tabs(self, place: Place) -> None:
         page = self.page
@@ -245,7 +238,7 @@ class Cockpit:
         place = page.layout.place_of(name)
         if place is None:
             return
-        self._begin(place)
+        imgui.Begin(place.panels[0], flags=_FIXED)
         if page.snapshot is not None:
             if name in _SCROLLED:
                 imgui.BeginChild(name)

@@ -14,7 +14,7 @@ from wasd_core.rotations import rpy_from_matrix
 
 from wasd_cockpit import style
 from wasd_cockpit.link import Marks, moved, Order, Snapshot
-from wasd_cockpit.panels import PageState
+from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.widgets import Dragging
 
 CAMERAS = ('follow', 'free', 'first person')
@@ -43,16 +43,16 @@ MOST_DOTS, MOST_TRAIL = 60, 40
 _SPHERE, _ARROW = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_ARROW)
 _CAPSULE, _BOX = int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_BOX)
 _TRACKING, _FREE = mujoco.mjtCamera.mjCAMERA_TRACKING, mujoco.mjtCamera.mjCAMERA_FREE
-_HAND_FLAGS = sum(
-    int(getattr(imgui.WindowFlags, name).value)
-    for name in (
+_HAND_FLAGS = style.flags(
+    imgui.WindowFlags,
+    *(
         'NoDecoration',
         'NoBackground',
         'NoMove',
         'NoSavedSettings',
         'NoBringToFrontOnFocus',
         'NoNav',
-    )
+    ),
 )
 
 

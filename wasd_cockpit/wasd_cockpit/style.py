@@ -2,6 +2,7 @@
 """How the cockpit looks: colours, one for each thing everywhere, and distances."""
 
 import functools
+from typing import Any
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
@@ -36,6 +37,11 @@ def rgba(rgb: Rgb, alpha: float = 1.0) -> tuple[float, float, float, float]:
     """Return a colour as MuJoCo has it."""
     r, g, b = rgb
     return r / 255.0, g / 255.0, b / 255.0, alpha
+
+
+def flags(kind: Any, *names: str) -> int:
+    """Return flags of a kind of ImGui's or ImPlot's, all at once."""
+    return sum(int(getattr(kind, name).value) for name in names)
 
 
 # Space around the words of buttons and fields, and half of a field's height [pixels].
@@ -79,8 +85,7 @@ _SIZES: dict[str, float | tuple[float, float]] = {
     'DisabledAlpha': 0.45,
 }
 _VALUES = tuple(
-    (int(getattr(imgui.StyleVar, name).value), value if isinstance(value, float) else value)
-    for name, value in _SIZES.items()
+    (int(getattr(imgui.StyleVar, name).value), value) for name, value in _SIZES.items()
 )
 
 

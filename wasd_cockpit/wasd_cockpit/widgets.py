@@ -82,10 +82,11 @@ class Widgets:
         """End a frame: what was noted in it is where things are."""
         self.rects = self._next
 
-    def note(self, name: str) -> None:
-        """Remember where the last widget is; `text ...` are the names of what none presses."""
+    def note(self, name: str) -> Rect:
+        """Remember and return where the last widget is; `text ...` names what none presses."""
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
-        self._next[name] = Rect(low.x, low.y, high.x, high.y)
+        self._next[name] = rect = Rect(low.x, low.y, high.x, high.y)
+        return rect
 
     def note_field(self, name: str) -> None:
         """Remember where the last widget is, in which one can type: keys are its own then."""

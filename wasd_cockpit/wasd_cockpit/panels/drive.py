@@ -79,9 +79,7 @@ class Drive:
         size = max(min(room.x, room.y - page.widgets.scale * _BELOW, _LARGEST_PAD), _SMALLEST_PAD)
         imgui.SetCursorPosX(imgui.GetCursorPosX() + 0.5 * max(0.0, room.x - size))
         imgui.InvisibleButton('pad', imgui.Vec2(size, size))
-        page.widgets.note('pad')
-        low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
-        rect = Rect(low.x, low.y, high.x, high.y)
+        rect = page.widgets.note('pad')
         radius = 0.5 * size - 4.0
         self._is_held = bool(imgui.IsItemActive()) and page.is_live
         knob = (0.0, 0.0)
@@ -109,16 +107,16 @@ class Drive:
         """Return how much the bar below the pad turns, counter-clockwise, in [-1, 1]."""
         width = columns(1)
         imgui.InvisibleButton('turning', imgui.Vec2(width, page.widgets.scale * _BAR))
-        page.widgets.note('turning')
-        low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
-        half, cx, cy = 0.5 * width - _KNOB, 0.5 * (low.x + high.x), 0.5 * (low.y + high.y)
+        rect = page.widgets.note('turning')
+        half = 0.5 * width - _KNOB
+        cx, cy = 0.5 * (rect.left + rect.right), 0.5 * (rect.top + rect.bottom)
         is_held = bool(imgui.IsItemActive()) and page.is_live
         share = 0.0
         if is_held:
             share, _ = deflection((imgui.GetMousePos().x - cx) / half, 0.0)
             self._is_held = True
         drawing = imgui.GetWindowDrawList()
-        bar = (imgui.Vec2(low.x, cy - 4.0), imgui.Vec2(high.x, cy + 4.0))
+        bar = (imgui.Vec2(rect.left, cy - 4.0), imgui.Vec2(rect.right, cy + 4.0))
         drawing.AddRectFilled(*bar, style.colour(style.BACKGROUND), 4.0)
         fill = style.COMMAND if is_held else style.FRAME_HOVERED
         drawing.AddCircleFilled(imgui.Vec2(cx + half * share, cy), 11.0, style.colour(fill), 20)

@@ -10,7 +10,6 @@ from wasd_cockpit.link import Elevation, Snapshot
 from wasd_cockpit.panels.floor import FloorView, paint_grid, paint_image, paint_robot
 from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.sight import SIZE
-from wasd_cockpit.widgets import Rect
 
 _SCALE_HEIGHT, _FOOT = 8.0, 4.0
 
@@ -77,11 +76,10 @@ class _Heights:
         self._draw_scale(page)
         room = imgui.GetContentRegionAvail()
         imgui.Dummy(imgui.Vec2(max(room.x, 40.0), max(room.y, 40.0)))
-        page.widgets.note('shown elevation')
+        rect = page.widgets.note('shown elevation')
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
         imgui.PushClipRect(low, high, True)
-        rect = Rect(low.x, low.y, high.x, high.y)
         view = FloorView(rect, elevation.pose, 0.5 * rows * elevation.resolution)
         size = (columns * elevation.resolution, rows * elevation.resolution)
         paint_image(self._texture, elevation.corner, size, rect, view)

@@ -104,11 +104,11 @@ class Map:
         """Draw the empty floor; return where it is, and whether a pointer is down on it."""
         room = imgui.GetContentRegionAvail()
         imgui.InvisibleButton('floor', imgui.Vec2(max(room.x, 40.0), max(room.y, 40.0)))
-        page.widgets.note('floor')
+        rect = page.widgets.note('floor')
         is_held = bool(imgui.IsItemActive()) and page.is_live
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
-        return Rect(low.x, low.y, high.x, high.y), is_held
+        return rect, is_held
 
     def _take_goal(self, page: PageState, view: FloorView, is_held: bool) -> None:
         """Order a goal where the floor is clicked; a drag from there is the way to look."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The base class of panels, and their data."""
+"""The data of panels."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.input import PageInput
@@ -37,10 +37,3 @@ class PageState:
         """Put what comes next beside the tabs, so far [pixels], where they leave room."""
         if self.layout.is_desk:
             imgui.SameLine(0.0, gap)
-
-
-class PagePanel(Protocol):
-    """A panel."""
-
-    def draw(self, page: PageState, snapshot: Snapshot) -> None:
-        """Draw it in the window that is open."""

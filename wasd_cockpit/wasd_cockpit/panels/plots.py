@@ -15,9 +15,8 @@ from wasd_cockpit.widgets import Rect
 PAGES = ('velocity', 'torque', 'feet', 'pace')
 # Points of a line, at most: more are not seen.
 MOST_POINTS = 100
-_FLAGS = sum(
-    int(getattr(implot.Flags, name).value)
-    for name in ('NoMenus', 'NoBoxSelect', 'NoMouseText', 'NoTitle', 'NoInputs', 'NoLegend')
+_FLAGS = style.flags(
+    implot.Flags, 'NoMenus', 'NoBoxSelect', 'NoMouseText', 'NoTitle', 'NoInputs', 'NoLegend'
 )
 _X, _Y = int(implot.Axis.X1.value), int(implot.Axis.Y1.value)
 _ALWAYS = int(implot.Cond.Always.value)
@@ -156,9 +155,7 @@ class Plots:
         _plot('force N', size, rows[:, 0], lines, (0.0, most))
         page.widgets.note('plot of forces')
         imgui.InvisibleButton('gait', imgui.Vec2(*next(cells)))
-        page.widgets.note('plot of gait')
-        low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
-        self._paint_stances(snapshot, Rect(low.x, low.y, high.x, high.y))
+        self._paint_stances(snapshot, page.widgets.note('plot of gait'))
 
     def _paint_stances(self, snapshot: Snapshot, rect: Rect) -> None:
         """Paint when each foot was to stand, the newest at the right."""
