@@ -13,6 +13,7 @@ import shlex
 import subprocess
 import sys
 import textwrap
+import tomllib
 from xml.etree import ElementTree
 
 from cases import for_all
@@ -312,6 +313,18 @@ def test_the_manifest_names_its_folder_and_licence(package):
     assert manifest(package).findtext('name') == package
     assert manifest(package).findtext('license') == PROJECT['project']['license']
     assert (ROOT / package / 'resource' / package).is_file()
+
+
+def test_pixi_installs_every_dependency_of_the_project() -> None:
+    pixi = tomllib.loads((ROOT / 'pixi.toml').read_text())
+    names = {
+        'pin': 'pinocchio',
+        'wasd-interfaces': 'ros-jazzy-nav2-msgs',
+        'xacro': 'ros-jazzy-xacro',
+    }
+    wanted = [re.match('[a-z0-9-]+', each)[0] for each in PROJECT['project']['dependencies']]
+    installed = pixi['dependencies'].keys() | pixi['pypi-dependencies'].keys()
+    assert {names.get(name, name) for name in wanted} <= installed
 
 
 @for_all('package', EXECUTABLES)

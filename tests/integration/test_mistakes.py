@@ -51,6 +51,8 @@ MISTAKES = [
     (['mbot', '--duration', '1', '--package-path', 'nowhere'], '--package-path nowhere'),
     (['mbot', '--duration', '1', '--ros-args', '-p', 'bad'], "rule: '-p bad'"),
     (['mbot', '--duration', '1', '--ros-args', '-p', 'use_sim_time:=1'], "expecting type 'BOOL'"),
+    (['demo', 'go2', '--only', 'stairs'], 'demo go2 takes no other words'),
+    (['demo', '--output', 'here', 'go2'], 'demo go2 takes no other words'),
     (['demo', '--ros-args', '-r', 'a:=b'], 'demo takes no --ros-args; go2, mbot, g1 do'),
     (['demo', '--output', 'broken.twist'], '--output'),
 ]

@@ -241,6 +241,10 @@ def test_a_closed_standard_output_costs_no_file(run: Callable[..., Any], tmp_pat
         (('--controller', 'c.yaml', '--report', 'c.yaml'), 'the same file as --controller c.yaml'),
         (('--description', 'r.urdf', '--record', 'r.urdf'), 'same file as --description r.urdf'),
         (('--preset', 'k.yaml', '--report', 'hard.yaml'), 'the same file as --preset k.yaml'),
+        (
+            ('--report', 'c.yaml', '--ros-args', '--params-file', 'c.yaml'),
+            'the same file as --params-file c.yaml',
+        ),
     ],
 )
 def test_one_file_for_two_things_is_refused_before_anything_is_lost(

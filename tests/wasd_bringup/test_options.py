@@ -16,6 +16,7 @@ from wasd_bringup.robots import WHEELS
 from wasd_bringup.run.options import AFTERGLOW
 from wasd_bringup.tools.recording.reader import describe_run, recorded_options
 from wasd_core.errors import UserError
+from wasd_core.output_file import OutputError
 
 
 @pytest.fixture
@@ -224,6 +225,15 @@ def test_a_script_that_is_no_file_is_refused_and_never_waited_for(read, tmp_path
     for path in ('.', 'a' * 300, 'nul\0'):
         with pytest.raises(UserError, match=f'^{option} '):
             read(option, path)
+
+
+def test_no_output_takes_the_place_of_a_network_or_its_settings(read, tmp_path):
+    for name in ('walk.onnx', 'deploy.yaml'):
+        (tmp_path / name).write_bytes(b'trained')
+    for option, name in (('--policy', 'walk.onnx'), ('--policy-config', 'deploy.yaml')):
+        with pytest.raises(OutputError, match=f'--report {name}: .* as {option} {name}'):
+            read(option, name, '--report', name)
+        assert (tmp_path / name).read_bytes() == b'trained'
 
 
 def test_a_wrong_key_script_is_a_users_error(read, tmp_path):

@@ -222,6 +222,8 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         from wasd_bringup.tools.describe_policy import describe_policy_command
 
         return describe_policy_command(arguments)
+    if getattr(arguments, 'watched', None):
+        raise UserError('demo go2 takes no other words: --only and --output are of the tour alone')
     check_middleware(os.environ)
     look_before_ros()
     if arguments.command == 'demo':

@@ -669,11 +669,15 @@ def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
 
         outputs += map_outputs(Path(options.save_map), '--save-map')
         outputs.append(session_output(Path(options.save_map), '--save-map'))
-    inputs = []
+    words = getattr(arguments, 'words', ())  # those for ROS are in it
+    pairs = zip(words, words[1:], strict=False)
+    inputs = [pair for pair in pairs if pair[0] == '--params-file' and os.path.exists(pair[1])]
     for name in (
         'play',
         'twist',
         'controller',
+        'policy',
+        'policy_config',
         'description',
         'preset',
         'world',
@@ -691,5 +695,6 @@ def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
             from wasd_core.map_picture import files_of
 
             files = files_of(path)
-        inputs += [(f'--{name}', file) for file in files if os.path.exists(file)]
+        word = f'--{name.replace("_", "-")}'
+        inputs += [(word, file) for file in files if os.path.exists(file)]
     check_apart([output for output in outputs if output is not None], inputs)
