@@ -18,7 +18,6 @@ from cores import each_on_cores
 from mujoco_sim.parameters import Untold
 from mujoco_sim.scene import AHEAD, COURSE, LANDING, STEPS, TREAD
 import numpy as np
-from sight_cost import measure_cost
 from table import format_count, Row
 import wasd
 
@@ -166,7 +165,7 @@ def cases(texts: Sequence[str]) -> list[Case]:
 
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
-    """Measure all cases and what eyes cost, or the cases that `only` names."""
+    """Measure all cases, or those that `only` names."""
     seeds = range(FIRST_SEED, FIRST_SEED + (2 if quick else 20))
     chosen = cases(only)
     tasks = [(case, seed) for case in chosen for seed in seeds]
@@ -174,8 +173,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     for task, trial in each_on_cores(_walk, tasks):
         trials[task] = trial
         note(f'sight: {len(trials)} of {len(tasks)} walks')
-    rows = [row for case in chosen for row in _rows(case, [trials[case, seed] for seed in seeds])]
-    return rows if only else [*rows, *measure_cost(quick, note)]
+    return [row for case in chosen for row in _rows(case, [trials[case, seed] for seed in seeds])]
 
 
 def _walk(task: tuple[Case, int]) -> dict[str, Any]:

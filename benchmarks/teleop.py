@@ -3,8 +3,7 @@
 Benchmark of the keyboard: latency and idle cost on a real pseudo-terminal; a table and JSON.
 
 Latency is from the write to the terminal to the callback of a subscriber in another process, for
-keys typed one at a time. It needs an idle machine. A key that is held while its link falls silent
-is timed from the last that the terminal tells.
+keys typed one at a time. It needs an idle machine.
 """
 
 from collections.abc import Callable
@@ -18,7 +17,6 @@ from environment import together
 from mbot import cpu_time
 import rclpy
 from table import at_most, Row
-from told_keys import measure_told_keys
 from typist import Typist
 
 # Longer than a key counts after its press, so that each press starts a motion of its own [s].
@@ -99,8 +97,6 @@ def main(name: str, count: str, idle: str) -> None:
     rclpy.init()
     try:
         rows = measure_executable(name, int(count), float(idle))
-        if name == 'teleop':
-            rows += measure_told_keys(int(count) // 5)
     finally:
         rclpy.try_shutdown()
     print(json.dumps([vars(row) for row in rows]))

@@ -47,7 +47,7 @@ ACCELERATION_SHARE = 0.4
 # stick such robots came sideways only 0.83 as fast (catalogue: legs/slow_motors).
 LIFT_SHARE = 0.5
 # The slowest rate [Hz] at which a Go2 at 2 m/s does not fall with answers that come three states
-# late, which is the most that the simulator allows (benchmarks/state_rates.py); and the physics'.
+# late, which is the most that the simulator allows; and the physics'.
 RATES = (300.0, 1000.0)
 NAME = 'leg_controller'
 # What belongs to the one who drives or to the wire, not to the body.

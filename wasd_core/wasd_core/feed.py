@@ -29,7 +29,7 @@ class Feed:
     The rate of a stream of readings, by their stamps.
 
     A controller that is fed too slowly answers states that are gone: three states late at 250 Hz,
-    a Go2 falls from a fast trot (`benchmarks/state_rates.py`). It reads no clock.
+    a Go2 falls from a fast trot. It reads no clock.
     """
 
     def __init__(self, wanted: float) -> None:
