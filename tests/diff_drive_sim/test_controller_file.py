@@ -171,7 +171,7 @@ def test_a_plain_table_has_the_names_of_here(read):
         ),
         (
             TUTORIAL.replace('12,', 'twelve,', 1),
-            "drive.yaml:8: Kp must be a float, got str 'twelve'",
+            "drive.yaml:8: Kp must be a number, got 'twelve'",
         ),
         (
             TUTORIAL.replace('Ko: 50', 'Ko: 0'),

@@ -93,7 +93,7 @@ def test_a_list_that_is_given_is_the_controllers(make):
     ('values', 'message'),
     [
         ({'gait__slow_period': -1}, 'gait.slow_period must be >= 0.3 and <= 0.6 s, got -1.0'),
-        ({'gait__slow_period': 'x'}, "gait.slow_period must be a float, got str 'x'"),
+        ({'gait__slow_period': 'x'}, "gait.slow_period must be a number, got 'x'"),
         ({'gait__slow_periode': 1.0}, "unknown parameter 'gait.slow_periode', did you mean "),
         ({'mpc__pose_weights': [1.0]}, 'mpc.pose_weights must be 6 numbers, got 1'),
         (

@@ -175,7 +175,7 @@ def test_tables_are_twist_muxs_parameters(spawn):
 
 
 def test_a_wrong_table_is_named(spawn):
-    with pytest.raises(InvalidParameter, match=r'web.priority must be a int, got float 1\.5'):
+    with pytest.raises(InvalidParameter, match=r'web.priority must be a whole number, got 1\.5'):
         TwistMuxNode(
             parameter_overrides=[
                 Parameter('topics.web.topic', value='web_vel'),

@@ -16,6 +16,7 @@ BOUNDS = {
     'minimum': ('>=', operator.ge),
     'maximum': ('<=', operator.le),
 }
+WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
 
 # Of an integer, what a float can be; of what errors show, the characters.
 LARGEST, LONGEST_SHOWN = 10**300, 80
@@ -192,7 +193,7 @@ def _checked(
     if not isinstance(default, tuple):
         return _checked_item(as_given(meta) if is_given else meta, value, type(default), name)
     if isinstance(value, str) or not isinstance(value, Sequence):
-        raise InvalidParameter(f'{name} must be a list, got {type(value).__name__} {shown(value)}')
+        raise InvalidParameter(f'{name} must be a list, got {shown(value)}')
     kind = type(default[0]) if default else str
     if kind is float and len(value) != len(default):
         raise InvalidParameter(f'{name} must be {len(default)} numbers, got {len(value)}')
@@ -216,9 +217,7 @@ def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) ->
     if kind is float and type(value) is int and abs(value) < LARGEST:
         value = float(value)
     if type(value) is not kind:
-        raise InvalidParameter(
-            f'{name} must be a {kind.__name__}, got {type(value).__name__} {shown(value)}'
-        )
+        raise InvalidParameter(f'{name} must be {WORDS[kind]}, got {shown(value)}')
     if isinstance(value, str) and not is_utf8(value):  # ROS has no other text
         raise InvalidParameter(f'{name} must be text in UTF-8, got {shown(value)}')
     if meta.get('choices') and value not in meta['choices']:
