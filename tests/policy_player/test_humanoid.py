@@ -250,7 +250,7 @@ def test_a_script_has_it_stand_and_driven(tmp_path):
     assert robot._robot.sample().command[0] == pytest.approx(0.3)
     assert robot.truth.tilt < 0.1
     robot.press('h')
-    robot.run(0.2)
+    robot.run(1.0)
     assert robot._robot.sample().command[0] == pytest.approx(0.3)
     robot.press('ESC')
     assert robot.state == 'passive'
