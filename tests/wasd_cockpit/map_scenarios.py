@@ -96,3 +96,22 @@ def scenario_a_goal_of_a_silent_page_is_cancelled(page: Page) -> None:
 def scenario_a_goal_of_a_page_that_was_closed_is_cancelled(page: Page) -> None:
     ends_without_its_page(page, page.close)
     page.open()
+
+
+def scenario_a_goal_stays_where_the_floor_was_pressed_while_the_robot_drives(page: Page) -> None:
+    page.puppet.press_at(at_floor(page, 1.5))
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) is not None, 'no goal')
+    before = page.session.world.base().position[0]
+    page.wait_until(lambda: page.session.world.base().position[0] > before + 0.2, 'stands')
+    first, (x, y) = goal(page), at_floor(page, 0.8)
+    least = page.snapshot.navigation.pose.x
+    page.puppet.press_at((x, y))
+    most = page.snapshot.navigation.pose.x
+    page.puppet.drag_to((x, y - 40))
+    page.wait_until(lambda: page.snapshot.navigation.pose.x > most + 0.25, 'it drives on')
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) not in (None, first), 'no second goal')
+    assert least - 0.05 < goal(page).x - 0.8 < most + 0.05
+    page.click('cancel goal')
+    page.wait_until(lambda: goal(page) is None, 'the goal stays')

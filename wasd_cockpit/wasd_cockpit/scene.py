@@ -221,16 +221,17 @@ class Scene:
 
     def _point(self, page: PageState, snapshot: Snapshot, is_held: bool) -> None:
         """Order a goal where the scene is clicked; a drag from there is the way to look."""
-        drag, navigation = self._dragging.step(is_held), snapshot.navigation
-        if drag is None or navigation is None or not page.is_live:
-            return
-        start, end = (place_at(page.viewer, *place) for place in drag)
-        if start is None:
-            return  # the sky
-        places = np.array([start, start if end is None else end])
-        place, toward = moved(places, snapshot.pose, navigation.pose).tolist()
-        is_plain = drag.is_click or end is None
-        page.link.order(Order.goal(place, None if is_plain else toward))
+
+        def to_map(x: float, y: float) -> tuple[float, float] | None:
+            seen, navigation = place_at(page.viewer, x, y), snapshot.navigation
+            if seen is None or navigation is None:
+                return None  # the sky
+            ((x, y),) = moved(seen[None], snapshot.pose, navigation.pose).tolist()
+            return x, y
+
+        drag = self._dragging.step(is_held, snapshot.robot, to_map)
+        if drag is not None and page.is_live:
+            page.link.order(Order.goal(*drag))
 
     def _push(self, page: PageState, snapshot: Snapshot) -> None:
         """Pull the robot where the pointer drags it."""

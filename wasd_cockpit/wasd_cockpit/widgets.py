@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Widgets of panels: buttons that tell why they are unavailable, texts, and their places."""
 
+from collections.abc import Callable
 import math
 from typing import NamedTuple
 
@@ -35,32 +36,42 @@ class Rect(NamedTuple):
         return self.bottom - self.top
 
 
+Place = tuple[float, float]
+
+
 class Drag(NamedTuple):
-    """From where to where a pointer was dragged [pixels]."""
+    """From where to where of the floor a pointer was dragged [m]; None for a click, or the sky."""
 
-    start: tuple[float, float]
-    end: tuple[float, float]
-
-    @property
-    def is_click(self) -> bool:
-        """Whether it was not moved farther than a hand trembles."""
-        return math.dist(self.start, self.end) <= LEAST_DRAG
+    start: Place
+    end: Place | None
 
 
 class Dragging:
     """Watches a pointer that is held down on something, until it is let go."""
 
     def __init__(self) -> None:
-        self._start: tuple[float, float] | None = None
+        # Where it was pressed: of the page [pixels], of the floor [m], for which robot.
+        self._start: tuple[Place, Place | None, int] | None = None
 
-    def step(self, is_held: bool) -> Drag | None:
-        """Take whether it is held in this frame; return how it was dragged, once it is let go."""
-        mouse = imgui.GetMousePos()
+    def step(
+        self, is_held: bool, robot: int, to_floor: Callable[[float, float], Place | None]
+    ) -> Drag | None:
+        """
+        Take whether it is held in this frame, and for which robot.
+
+        Return how it was dragged, once it is let go. `to_floor` tells what of the floor is at a
+        place of the page now: a later frame may show another there.
+        """
+        mouse = imgui.GetMousePos().x, imgui.GetMousePos().y
         if is_held:
-            self._start = self._start or (mouse.x, mouse.y)
+            self._start = self._start or (mouse, to_floor(*mouse), robot)
             return None
         start, self._start = self._start, None
-        return None if start is None else Drag(start, (mouse.x, mouse.y))
+        if start is None or start[1] is None or start[2] != robot:
+            return None
+        # A hand trembles so far.
+        is_click = math.dist(start[0], mouse) <= LEAST_DRAG
+        return Drag(start[1], None if is_click else to_floor(*mouse))
 
 
 class Widgets:
