@@ -161,15 +161,35 @@ def scenario_what_is_typed_in_a_field_drives_nothing(page: Page) -> None:
     page.tap('K')
 
 
-def scenario_time_goes_as_fast_as_the_field_says(page: Page) -> None:
+def type_speed(page: Page, text: str) -> None:
+    """Type how fast time is to go."""
     page.click('speed')
     page.puppet.keys = {code('LeftCtrl'), code('A')}
     page.puppet.draw(4)
     page.puppet.keys = set()
-    page.puppet.type('0.5')
+    page.puppet.type(text)
     page.tap('Enter')
-    page.wait_until(lambda: page.session.simulation.pacer.speed == 0.5, 'half the speed')
-    page.session.simulation.pacer.speed = 1.0
+    wanted = float(text)
+    page.wait_until(lambda: page.session.simulation.pacer.speed == wanted, text)
+
+
+def scenario_time_goes_as_fast_as_the_field_says(page: Page) -> None:
+    for text in ('0.5', '0', '1.25', '1'):
+        type_speed(page, text)
+
+
+def scenario_time_that_goes_slower_by_steps_goes_on(page: Page) -> None:
+    pacer = page.session.simulation.pacer
+    type_speed(page, '0.3')
+    page.show('speed')
+    rect = page.rects['speed']  # its last two squares are - and +
+    minus = round(rect.right - 1.5 * rect.height - 4.0), middle_of(rect)[1]
+    for _ in range(5):
+        page.puppet.press_at(minus)
+        page.puppet.let_go()
+        page.puppet.draw(4)
+    assert pacer.speed == 0.1
+    type_speed(page, '1')
 
 
 def scenario_pause_step_and_run(page: Page) -> None:

@@ -45,8 +45,8 @@ TRAIL_EVERY, TRAIL_LENGTH = 10, 600
 # The states that can follow are looked at in one of so many snapshots: ten times a second, or
 # three where the page's pace is that of a hurried simulation.
 CHOICES_EVERY = 3
-# The fastest that time may be asked to go; 0 is as fast as possible.
-FASTEST = 100.0
+# How fast time may be asked to go at least and at most; 0 is as fast as possible.
+SLOWEST, FASTEST = 0.01, 100.0
 
 
 class RobotHistory:
@@ -197,7 +197,8 @@ class CockpitBridge:
         elif order.what == 'robot':
             run.switch_to([robot.name for robot in run.robots].index(order.name))
         elif order.what == 'speed' and math.isfinite(order.value):
-            simulation.pacer.speed = min(max(order.value, 0.0), FASTEST)
+            speed = min(max(round(order.value, 2), SLOWEST), FASTEST)  # ImGui's has 24 bits
+            simulation.pacer.speed = speed if order.value > 0.0 else 0.0
             simulation.pacer.restart()
         elif order.what == 'start' and not self._active.robot.say_if_stopped():
             self.restart.want(*order.name.split(maxsplit=1))

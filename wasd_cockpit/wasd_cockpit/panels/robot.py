@@ -101,7 +101,9 @@ class Robot:
         page.widgets.note_field('speed')
         if imgui.IsItemHovered():
             imgui.SetTooltip('speed of time; 0 is as fast as possible')
-        if changed:
+        # Who wants time to go slower does not step to 0: that is typed.
+        is_step = imgui.IsMouseDown(0) or imgui.IsMouseReleased(0)
+        if changed and (speed > 0.0 or not is_step):
             page.link.order(Order('speed', value=speed))
         imgui.SameLine()
         wanted = snapshot.speed or max(snapshot.pace, 1e-9)
