@@ -64,19 +64,22 @@ class KeyPublisherNode(Node):
             receiver(message)
         self._publisher.publish(message)
 
-    def save_to(self, writer: KeyScriptWriter) -> None:
+    def save_to(self, file: OutputFile) -> None:
         """
         Write every key to a script, in seconds of this node's clock from now on.
 
-        Simulated time that nobody has told yet counts from the first key with a time.
+        Simulated time that nobody has told yet counts from the first key with a time. Time that
+        jumps back goes on from the key before.
         """
-        start = self.get_clock().now()
+        writer, script_time, last = KeyScriptWriter(file), 0, self.get_clock().now()
 
         def save(message: String) -> None:
-            nonlocal start
+            nonlocal script_time, last
             now = self.get_clock().now()
-            start = start if start.nanoseconds else now
-            writer.write(1e-9 * (now - start).nanoseconds, message.data)
+            if last.nanoseconds:
+                script_time += max((now - last).nanoseconds, 0)
+            last = now
+            writer.write(1e-9 * script_time, message.data)
 
         self.receivers.append(save)
 
@@ -156,7 +159,7 @@ def read_options(program: Executable, words: Sequence[str] | None = None) -> arg
 @contextlib.contextmanager
 def open_keyboard(
     program: Executable, words: Sequence[str] | None, stop: StopSignals
-) -> Iterator[tuple[KeyReader, KeyScriptWriter | None]]:
+) -> Iterator[tuple[KeyReader, OutputFile | None]]:
     """
     Context with the keys of a program's user, and where they are to be saved; ROS is started.
 
@@ -166,12 +169,11 @@ def open_keyboard(
     options = read_options(program, words)
     reader = open_key_reader()
     file = options.save_keys
-    saved = contextlib.closing(KeyScriptWriter(file)) if file else contextlib.nullcontext()
-    with saved as writer, reader:
+    with contextlib.closing(file) if file else contextlib.nullcontext(), reader:
         if reader.terminal is not None:
             stop.last_words.append(reader.terminal.restore)
         init_ros(options.ros, joins=True)
-        yield reader, writer
+        yield reader, file
 
 
 def wait_for_subscriber(has_subscriber: Callable[[], bool], stop: StopSignals) -> None:
@@ -207,13 +209,13 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
 
 def _publish(args: Sequence[str] | None, stop: StopSignals) -> None:
     with (
-        open_keyboard(key_publisher, args, stop) as (reader, writer),
+        open_keyboard(key_publisher, args, stop) as (reader, file),
         open_node(KeyPublisherNode, stop) as node,
     ):
-        if writer is not None:
+        if file is not None:
             if node.raw:
                 raise UserError('--save-keys saves names of keys: leave out raw:=true')
-            node.save_to(writer)
+            node.save_to(file)
         if reader.terminal is not None:
             # Suspended, it would not tell what is released.
             reader.terminal.before_suspend += [lambda: node.publish_key(STOP_KEY), node.close]

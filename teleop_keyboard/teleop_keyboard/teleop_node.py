@@ -186,15 +186,15 @@ def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop, stop: StopSignal
 
 
 def _teleoperate(args: Sequence[str] | None, stop: StopSignals) -> None:
-    with open_keyboard(parameters.teleop, args, stop) as (reader, writer):
+    with open_keyboard(parameters.teleop, args, stop) as (reader, file):
         tolerate_any_text()
         screen = Screen(sys.stdout)
         with explain_ros_errors():
             teleop = Teleop(reader)
         # First the terminal is given back: what is said from then on must be seen.
         with contextlib.closing(teleop), contextlib.closing(screen):
-            if writer is not None:
-                teleop.keys.save_to(writer)
+            if file is not None:
+                teleop.keys.save_to(file)
             _prepare(reader, screen, teleop, stop)
             teleop.run(stop, screen)
             if reader.terminal is not None:

@@ -176,10 +176,6 @@ def test_with_its_keys_it_shows_the_robots_state(pty_process, late_listener):
     [
         (['--sav'], 'unrecognized arguments: --sav'),
         (['--save-keys', '/nowhere/a.keys'], '/nowhere/a.keys: wanted a file in a folder'),
-        (
-            ['--save-keys', '/dev/null', '--ros-args', '-p', 'raw:=true'],
-            '--save-keys saves names of keys: leave out raw:=true',
-        ),
     ],
 )
 def test_a_wrong_option_is_one_line(pty_process, ros_domain, options, message):
@@ -188,6 +184,15 @@ def test_a_wrong_option_is_one_line(pty_process, ros_domain, options, message):
     process.wait_for(message.encode())
     assert process.output.startswith(b'error: ')
     assert process.output.count(b'\n') == 1
+
+
+def test_a_start_that_is_refused_leaves_the_saved_keys(pty_process, ros_domain, tmp_path):
+    path = tmp_path / 'saved.keys'
+    path.write_text('0.1 w\n')
+    process = pty_process(*MODULE, '--save-keys', str(path), '--ros-args', '-p', 'raw:=true')
+    assert process.wait() == 2
+    process.wait_for(b'error: --save-keys saves names of keys: leave out raw:=true')
+    assert path.read_text() == '0.1 w\n'
 
 
 @pytest.mark.parametrize(

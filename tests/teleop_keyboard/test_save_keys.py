@@ -2,13 +2,15 @@
 """Keys that were saved give the same velocities again."""
 
 from contextlib import closing
+from pathlib import Path
 import random
 
 from cases import for_all
 import pytest
 from rclpy.serialization import serialize_message
+from rclpy.time import Time
 from std_msgs.msg import String
-from teleop_keyboard.key_publisher_node import read_options
+from teleop_keyboard.key_publisher_node import KeyPublisherNode, read_options
 from teleop_keyboard.key_script import KeyScriptWriter, parse_key_script
 from teleop_keyboard.keymap import NAMED_KEYS
 from teleop_keyboard.keymap_file import load_preset
@@ -60,6 +62,20 @@ def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
     third = drive(parse_key_script(path.read_text()))
     # To the byte, as another process gets them.
     assert len({b''.join(map(serialize_message, drive)) for drive in (first, second, third)}) == 1
+
+
+def test_saved_times_go_on_where_the_clock_jumps_back(spawn, tmp_path):
+    file = OutputFile(tmp_path / 'saved.keys', '--save-keys')
+    node = spawn(KeyPublisherNode())
+    clock = node.get_clock()
+    clock._set_ros_time_is_active(True)
+    clock.set_ros_time_override(Time(seconds=100, clock_type=clock.clock_type))
+    node.save_to(file)
+    for seconds, key in ((101, 'w'), (2, 'a'), (5, 's')):
+        clock.set_ros_time_override(Time(seconds=seconds, clock_type=clock.clock_type))
+        node.publish_key(key)
+    file.close()
+    assert parse_key_script(Path(file.path).read_text()) == [(1.0, 'w'), (1.0, 'a'), (4.0, 's')]
 
 
 def test_a_file_that_cannot_be_written_is_one_line():
