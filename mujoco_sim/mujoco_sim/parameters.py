@@ -224,6 +224,18 @@ class Untold:
             imu_drift=settings.imu_drift,
         )
 
+    def as_parameters(self) -> dict[str, float | str]:
+        """Return the simulator's parameters that say the same, by name."""
+        payload = ''
+        if self.payload is not None:
+            payload = f'{self.payload.mass}@{",".join(map(str, self.payload.place))}'
+        return {
+            'friction': math.nan if self.friction is None else self.friction,
+            'payload': payload,
+            'randomise': self.randomise,
+            'imu_drift': self.imu_drift,
+        }
+
 
 NOTHING = Untold()
 

@@ -45,6 +45,7 @@ MISTAKES = [
     (['mbot', '--duration', '1', '--description', '/dev/zero'], '/dev/zero: is a device'),
     (['mbot', '--duration', '1', '--description', 'brick.urdf'], 'no two driven wheels'),
     (['mbot', '--duration', '1', '--preset', 'piano'], 'piano'),
+    (['mbot', '--duration', '1', '--ros-args', '-p', 'friction:=0.1'], 'or say --friction'),
     (['mbot', '--duration', '1', '--report', 'no/such/folder/r.json'], '--report'),
     (['mbot', '--duration', '1', '--record', 'no/such/folder/r.mcap'], '--record no/such'),
     (['mbot', '--duration', '1', '--record', '/dev/full'], 'No space left'),

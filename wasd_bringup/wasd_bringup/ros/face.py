@@ -7,6 +7,7 @@ import logging
 from typing import Any, cast, TYPE_CHECKING
 
 from builtin_interfaces.msg import Time as TimeMessage
+from mujoco_sim.parameters import SimulatorParameters, Untold
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.truth_publisher import WORLD_FRAME
@@ -19,6 +20,7 @@ from rclpy.time import Time
 from rclpy.time_source import TimeSource
 from robot_description.state_publisher_node import StatePublisherNode
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from wasd_core.errors import UserError
 from wasd_core.messages import to_transform
 from wasd_core.node import MessagePump
 from wasd_core.rotations import Pose
@@ -26,7 +28,7 @@ from wasd_core.signals import letting_go
 from wasd_core.streams import visible
 from wasd_core.topics import PublisherWatch, TfBroadcaster
 
-from wasd_bringup.robots import load_class
+from wasd_bringup.robots import HUMANOID, load_class
 from wasd_bringup.ros.controllers import ControllerFace
 from wasd_bringup.ros.drivers_node import DriversNode
 from wasd_bringup.run.face import Face
@@ -52,16 +54,17 @@ class RosFace:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         options, world = robot.options, robot.world
+        names = ('description', 'world', 'seed', 'speed', 'lidar')
+        built = {name: getattr(options, name) for name in names}
+        built |= {'hoist': robot.kind is HUMANOID, **options.untold.as_parameters()}
         self.simulator = SimulatorNode(
             robot.description,
             world,
             simulation=robot.simulation,
             sensors=robot.sensors,
-            parameter_overrides=[
-                Parameter(name, value=getattr(options, name))
-                for name in ('description', 'world', 'seed', 'speed')
-            ],
+            parameter_overrides=[Parameter(name, value=value) for name, value in built.items()],
         )
+        _refuse_vain(self.simulator)
         self.controller: ControllerFace = load_class(robot.kind.face)(robot)
         self._states = StatePublisherNode(robot.description, prefix=world.prefix)
         self.keys = KeyPublisherNode(namespace=options.namespace)
@@ -116,6 +119,28 @@ class RosFace:
         frame = f'{world.prefix}{"map" if options.navigates else "odom"}'
         self._static = TfBroadcaster(self.simulator, static=True)
         self._static.send([to_transform(start, WORLD_FRAME, frame, TimeMessage())])
+
+
+def _refuse_vain(simulator: SimulatorNode) -> None:
+    """
+    Check what a simulator was given of parameters with which its robot has been built by now.
+
+    Raises:
+        UserError: one is neither what it was built with nor the default; names the option.
+    """
+
+    def said(parameters: SimulatorParameters) -> dict[str, Any]:
+        untold = vars(Untold.from_parameters(parameters))
+        return {**untold, 'lidar': parameters.lidar, 'hoist': parameters.hoist}
+
+    usual = SimulatorParameters()
+    built, default = said(simulator.settings), said(usual)
+    given = simulator.handle.get_parameters(Parameter)
+    asked = usual.changed({name: given[name].value for name in default if name in given})
+    for name, value in said(asked).items():
+        if value not in (built[name], default[name]):
+            option = '' if name == 'hoist' else f', or say --{name.replace("_", "-")}'
+            raise UserError(f'simulator: {name} has no effect in a run: leave it out{option}')
 
 
 class RosFaces(Face):

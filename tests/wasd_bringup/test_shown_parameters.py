@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulator of a run shows with which parameters the robot was built, and takes no others."""
+
+from mujoco_sim.parameters import Payload, Untold
+import pytest
+import rclpy
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.options import RunOptions
+from wasd_core.errors import UserError
+from wasd_core.node import init_ros
+
+UNTOLD = Untold(friction=0.3, payload=Payload(0.1, (0.05, 0.0, 0.02)))
+
+
+@pytest.fixture
+def run_with(request, isolated_ros):
+    """Return a function that makes a run of mbot with parameters after --ros-args."""
+
+    def make(untold=UNTOLD, **parameters):
+        words = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+        init_ros(['--ros-args', *words])
+        request.addfinalizer(rclpy.try_shutdown)
+        run = make_ros_run(
+            RunOptions(
+                robot='mbot',
+                description='mbot',
+                preset='mbot',
+                speed=0.0,
+                lidar='a1',
+                untold=untold,
+            )
+        )
+        request.addfinalizer(run.close)
+        return run.face.faces[0].simulator
+
+    return make
+
+
+def test_what_is_shown_is_what_the_options_say(run_with):
+    simulator = run_with()
+    for name, value in (('lidar', 'a1'), ('friction', 0.3), ('payload', '0.1@0.05,0.0,0.02')):
+        assert simulator.get_parameter(name).value == value
+
+
+def test_who_says_the_same_or_nothing_in_particular_sees_it_too(run_with):
+    simulator = run_with(lidar='honest', friction='.nan', payload="'0.1@0.05,0,0.02'")
+    for name, value in (('lidar', 'a1'), ('friction', 0.3), ('imu_drift', 1.0)):
+        assert simulator.get_parameter(name).value == value
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'cure'),
+    [
+        ('friction', 0.1, 'leave it out, or say --friction'),
+        ('lidar', 'ideal', 'leave it out, or say --lidar'),
+        ('imu_drift', 2.0, 'leave it out, or say --imu-drift'),
+        ('hoist', 'true', 'leave it out'),
+        ('payload', "'3'", 'leave it out, or say --payload'),
+    ],
+)
+def test_what_would_be_without_effect_is_refused_with_the_option(run_with, name, value, cure):
+    with pytest.raises(UserError, match=f'^simulator: {name} has no effect in a run: {cure}$'):
+        run_with(**{name: value})
