@@ -14,6 +14,7 @@ import time
 
 from cases import for_all
 from mujoco.studio import messages
+from mujoco.studio.web import web_server
 from mujoco_sim.viewer import server as page_server
 from mujoco_sim.viewer import turns
 from mujoco_sim.viewer.drawing import Panel
@@ -248,6 +249,20 @@ def test_control_that_is_asked_for_goes_when_it_is_given_or_the_driver_rests(
                 other.draw()
                 other.tap('J')
     wait_until(lambda: 'j' in view.pressed_keys())
+
+
+@pytest.mark.slow
+def test_who_asks_for_control_and_does_not_take_it_ends_one_turn_alone(view, port, monkeypatch):
+    monkeypatch.setattr(turns, 'GIVEN_AFTER', 0.3)
+    monkeypatch.setattr(web_server, '_GRANT_EXPIRY_SEC', 0.1)
+    with connect(f'ws://127.0.0.1:{port}/state?sid=idle') as idle:
+        with PagePuppet(view.url, session='first') as page:
+            page.draw()
+            idle.send('request_control')
+            assert wait_for_grant(idle, 5.0)
+        with PagePuppet(view.url, session='first', patience=PATIENCE) as page:
+            assert not wait_for_grant(idle, 1.0)
+            page.draw()
 
 
 @pytest.mark.slow

@@ -69,6 +69,18 @@ def test_control_that_is_given_goes_at_once_and_only_once(turns):
     assert not turns.take_end()  # b waits for the one whose turn has begun
 
 
+def test_who_does_not_take_control_ends_one_turn_alone(turns, clock):
+    turns.ask('a')
+    clock.now += 1.5 * GIVEN_AFTER
+    assert turns.take_end()
+    clock.now += 10.0 * GIVEN_AFTER
+    assert turns.waiting == 0
+    assert not turns.take_end()
+    turns.ask('a')
+    clock.now += 1.5 * GIVEN_AFTER
+    assert turns.take_end()
+
+
 def test_who_gives_up_waiting_takes_nothing(turns, clock):
     turns.ask('a')
     turns.leave('a')

@@ -63,7 +63,9 @@ class Turns:
         """Return, once, whether the turn of the one who drives is over."""
         is_over = bool(self.waiting) and (self._is_given or self.remaining == 0.0)
         if is_over:
-            # The next one's hands have just arrived.
-            self._is_given = False
+            # The next one's hands have just arrived; who does not take it has to ask anew.
+            with self._lock:
+                del self._asked[next(iter(self._asked))]
+                self._is_given = False
             self.touch()
         return is_over
