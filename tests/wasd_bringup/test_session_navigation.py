@@ -21,6 +21,8 @@ from wasd_bringup.run.run import Run
 from wasd_cockpit.link import Order, Stick
 from wasd_core.errors import UserError
 from wasd_navigation.navigator import Navigator
+from wasd_navigation.records import OCCUPIED
+from wasd_navigation.traversability import Traversability
 
 from wasd_navigation import robot_navigator
 
@@ -305,6 +307,57 @@ def test_a_goal_of_the_page_ends_with_it_and_others_do_not(driving):
     assert ended(driving) == ('cancelled', 'the page is gone')
     driving.simulation.advance(100)
     assert wanted(driving) == 0.0
+
+
+@pytest.mark.slow
+def test_exploring_that_others_ask_for_after_the_pages_does_not_end_with_it(
+    session_of, monkeypatch
+):
+    session = session_of()
+    session.simulation.advance(500)
+    navigates = navigation(session)
+    monkeypatch.setattr(navigates.navigator.locator, 'grows', True, raising=False)
+    navigates.explore(from_page=True)
+    session.press('i')
+    session.press('k')
+    session.simulation.advance(100)
+    navigates.unit.explore()  # as the service does
+    navigates.lose_page()
+    assert navigates.unit.is_exploring
+    navigates.explore(from_page=True)
+    session.simulation.advance(100)
+    navigates.lose_page()
+    assert not navigates.unit.is_exploring
+
+
+@pytest.mark.slow
+def test_the_page_sees_the_ground_as_it_is_seen_though_the_map_stays(session_of):
+    session = session_of()
+    session.simulation.advance(500)
+    navigates = navigation(session)
+    navigator = navigates.navigator
+    navigator.ground = Traversability(0.17)
+    before, revision = navigates.view(), navigator.locator.revision
+    wall = np.where(np.arange(40) < 20, 0.0, 1.0) * np.ones((40, 1))
+    navigator.ground.take(wall, np.array([-0.5, -0.5]), 0.05, 0.0, np.zeros(3), 0.05)
+    session.simulation.advance(1200)
+    navigator.locator.revision = revision
+    after = navigates.view()
+    assert after.number != before.number
+    assert (after.cells == OCCUPIED).any()
+    assert navigates.view().number == after.number
+
+
+@pytest.mark.slow
+def test_maps_of_two_robots_have_different_numbers(session_of):
+    session = session_of('both', preset='unitree')
+    numbers = [[], []]
+    for _ in range(4):
+        session.simulation.advance(1100)
+        for each, seen in zip(session.navigations, numbers, strict=True):
+            each.navigator.locator.revision = len(seen) + 1
+            seen.append(each.view().number)
+    assert len({*numbers[0], *numbers[1]}) == 8
 
 
 @pytest.fixture

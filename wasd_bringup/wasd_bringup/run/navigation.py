@@ -2,6 +2,7 @@
 """`--map`: the navigator of a run, which drives the robot until another source does."""
 
 from collections.abc import Callable, Sequence
+import itertools
 import logging
 import math
 from typing import Any
@@ -24,6 +25,8 @@ from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, margin_of, size_
 SOURCE = 'navigator'
 # The page gets a new map so often at most [s].
 PICTURE_PERIOD = 1.0
+# No two maps of a process have the same: of several robots the page shows one after the other.
+_NUMBERS = itertools.count()
 
 
 class NavigationDriver:
@@ -49,7 +52,8 @@ class NavigationDriver:
         self._is_of_page = False  # the goal that is driven to
         self._explores_for_page = False
         self._ended: list[dict[str, Any]] = []
-        self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
+        # Revisions of map and ground, time, number and map.
+        self._pictured: tuple[tuple[int, int], float, int, Grid] | None = None
         self.on_step: list[Callable[[float, float], None]] = []
         tag = lidar_of(robot.description.robot)
         self.given = _settings(robot)
@@ -126,6 +130,7 @@ class NavigationDriver:
 
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
+        self._explores_for_page &= self.unit.is_exploring
         self._tell_odometry()
         if self._ground is not None:
             self._ground.step()
@@ -166,14 +171,15 @@ class NavigationDriver:
         if not navigator.scans or pose is None:
             self._pictured = None
             return None
-        revision = navigator.locator.revision
+        ground = 0 if navigator.ground is None else navigator.ground.revision
+        revision = navigator.locator.revision, ground
         if self._pictured is None or (
             self._pictured[0] != revision and now >= self._pictured[1] + PICTURE_PERIOD
         ):
             grid, keepout = navigator.seen, navigator.keepout
             grid = grid if keepout is None else keepout.shown_on(grid)
-            self._pictured = revision, now, grid
-        number, _, grid = self._pictured
+            self._pictured = revision, now, next(_NUMBERS), grid
+        _, _, number, grid = self._pictured
         goal = navigator.goal
         return Navigation(
             number=number,
