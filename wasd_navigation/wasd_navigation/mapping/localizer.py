@@ -140,9 +140,7 @@ class Localizer:
         self.revision = 0
         self._misfits = 0
         self._search: Search | None = None
-        self._moved = np.zeros(3)  # since the search began
         self._near: Search | None = None  # around the pose
-        self._came = np.zeros(3)  # since that began
         self._pushed = 0  # scans in a row that fit less than before
         self._said = 0  # scans for which it is still to be said that it was moved
         # How much of a scan fits as a rule, and how many in a row have fitted less.
@@ -217,7 +215,7 @@ class Localizer:
     def _follow(self, scan: Scan, surface: np.ndarray, move: np.ndarray) -> None:
         """Correct the pose by a scan, or doubt it."""
         if self._search is not None:
-            self._moved = compose(self._moved, move)
+            self._search.moved = compose(self._search.moved, move)
         if self._said:
             self._said -= 1
             self._words = self._words if self._said else None
@@ -247,14 +245,13 @@ class Localizer:
         if self._near is None:
             window = window_around(self.pose, np.full(2, PUSH), PUSH_TURN)
             self._near = Search(self._pyramid, scan.points, window)
-            self._came = np.zeros(3)
         else:
-            self._came = compose(self._came, move)
+            self._near.moved = compose(self._near.moved, move)
         if not self._near.work() or self._near.found is None:
             return False
-        poses, self._near = self._near.found.poses, None
+        (poses, _), moved, self._near = self._near.found, self._near.moved, None
         for pose in poses[:1]:
-            fit = self._fit(surface, compose(pose, self._came), PRIOR)
+            fit = self._fit(surface, compose(pose, moved), PRIOR)
             # As much as before fits, or far more than here and the map contradicts none of it.
             enough = self._usual - SUDDEN
             if fit.share > share + 2.0 * SUDDEN and self._is_beyond_map(scan, surface, fit):
@@ -291,14 +288,14 @@ class Localizer:
                     f'fits the map, before it was {100 * self._usual:.0f} %'
                 )
                 self._search = Search(self._pyramid, scan.points, self._pyramid.everywhere)
-                self._moved = np.zeros(3)
             return
         if not self._search.work() or self._search.found is None:
             return
-        poses, self._search, self._words = self._search.found.poses, None, None
+        (poses, _), moved = self._search.found, self._search.moved
+        self._search = self._words = None
         self._usual = share
         for pose in poses[:1]:
-            if self._fit(surface, compose(pose, self._moved), PRIOR).share > share + 0.5 * SUDDEN:
+            if self._fit(surface, compose(pose, moved), PRIOR).share > share + 0.5 * SUDDEN:
                 self._say_moved(share)
 
     def _say_moved(self, share: float) -> None:
@@ -322,13 +319,12 @@ class Localizer:
         assert self._hypotheses is not None
         if self._search is None:
             self._search = Search(self._pyramid, scan.points, self._window)
-            self._moved = np.zeros(3)
         else:
-            self._moved = compose(self._moved, move)
+            self._search.moved = compose(self._search.moved, move)
         if not len(self._hypotheses):
             if not self._search.work() or self._search.found is None:
                 return
-            self._hypotheses.take(self._search.found, self._moved)
+            self._hypotheses.take(self._search.found, self._search.moved)
         else:
             self._hypotheses.move(move)
         self._hypotheses.judge(

@@ -265,14 +265,13 @@ class Mapper:
             self._search = Search(
                 pyramid, scan.points, window if self.is_found else pyramid.everywhere
             )
-            self._moved = np.zeros(3)
         else:
-            self._moved = compose(self._moved, move)
+            self._search.moved = compose(self._search.moved, move)
         if not self._search.work() or self._search.found is None:
             return
-        poses, self._search = self._search.found.poses, None
+        (poses, _), moved, self._search = self._search.found, self._search.moved, None
         for pose in poses[:1]:
-            at = compose(pose, self._moved)
+            at = compose(pose, moved)
             noise = self._parameters.range_noise
             near = self._nearest(at)
             self._places.show(self._old, at[:2], near)

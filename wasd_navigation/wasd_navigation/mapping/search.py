@@ -127,6 +127,7 @@ class Search:
         self._rays = _turn_points(_thin(points), self._headings)
         self._running = self._run()
         self.found: Found | None = None
+        self.moved = np.zeros(3)  # the robot, since this began
 
     def work(self) -> bool:
         """Do one portion; return whether all is done, and `found` is there."""
