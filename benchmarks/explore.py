@@ -22,7 +22,7 @@ from table import format_count, Row
 from wasd_core.rotations import Pose
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.planning.distances import measure_distances
-from wasd_navigation.planning.goal_field import flood, march_from
+from wasd_navigation.planning.goal_field import flood, ways_from
 from wasd_navigation.records import FREE, OCCUPIED, UNKNOWN
 from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.se2 import compose, inverse
@@ -202,11 +202,9 @@ def tour(flat: Any, inscribed: float) -> float:
     free = np.where(distances > inscribed + 0.03, 1.0, np.inf).astype(np.float32)
     places = [0.5 * (room[:2] + room[2:]) for room in flat.rooms]
     here, way = np.zeros(2), 0.0
-    nothing = np.zeros(free.shape, bool)
 
-    def lengths(place: np.ndarray) -> tuple[np.ndarray, float]:
-        row, column = map(int, truth.to_cells(place[None])[0])
-        return march_from((row, column), free, nothing, truth.resolution)
+    def lengths(place: np.ndarray) -> np.ndarray:
+        return ways_from(truth.to_cells(place[None])[0], free, truth.resolution)
 
     goals = []
     for place in places:  # furniture may stand there
@@ -214,15 +212,14 @@ def tour(flat: Any, inscribed: float) -> float:
         near = np.hypot(*(truth.to_points(cells) - place).T)
         goals.append(truth.to_points(cells[near.argmin()][None])[0])
     while goals:
-        values, beyond = lengths(here)
+        values = lengths(here)
         costs = [float(values[tuple(truth.to_cells(goal[None])[0])]) for goal in goals]
         index = int(np.argmin(costs))
-        if costs[index] >= beyond:
+        if costs[index] == np.inf:
             break
         way += costs[index]
         here = goals.pop(index)
-    values, _ = lengths(here)
-    return way + float(values[tuple(truth.to_cells(np.zeros((1, 2)))[0])])
+    return way + float(lengths(here)[tuple(truth.to_cells(np.zeros((1, 2)))[0])])
 
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:

@@ -19,7 +19,7 @@ from kinematic import RATE
 import numpy as np
 from table import format_count, Row
 from wasd_navigation.planning.distances import measure_distances
-from wasd_navigation.planning.goal_field import march_from
+from wasd_navigation.planning.goal_field import ways_from
 from wasd_navigation.records import OCCUPIED
 
 FIRST_SEED = 7700  # 7616 was looked at
@@ -70,9 +70,7 @@ class Stroller:
         grid = self._ride.course.grid
         goal = self._free[self._random.integers(len(self._free))]
         price = np.where(self._distances > ROOM, 1.0, np.inf).astype(np.float32)
-        row, column = map(int, grid.to_cells(goal[None])[0])
-        nothing = np.zeros(price.shape, bool)
-        self._left, self._beyond = march_from((row, column), price, nothing, grid.resolution)
+        self._left = ways_from(grid.to_cells(goal[None])[0], price, grid.resolution)
 
     def step(self, dt: float) -> np.ndarray:
         """Walk for a time [s]; return the box."""
@@ -80,7 +78,7 @@ class Stroller:
         row, column = map(int, grid.to_cells(self.place[None])[0])
         near = self._left[row - 2 : row + 3, column - 2 : column + 3]
         least = np.unravel_index(int(near.argmin()), near.shape)
-        is_there = self._left[row, column] < 0.2 or near.min() >= self._beyond
+        is_there = self._left[row, column] < 0.2 or near.min() == math.inf
         if is_there:
             self._choose()
             return person(self.place, self.heading)

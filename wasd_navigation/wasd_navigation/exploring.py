@@ -13,14 +13,7 @@ from wasd_core.jit import jit
 
 from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning.distances import measure_distances
-from wasd_navigation.planning.goal_field import (
-    ESCAPE_PRICE,
-    make_heap,
-    march,
-    march_from,
-    start_at,
-    WHOLE,
-)
+from wasd_navigation.planning.goal_field import ESCAPE_PRICE, ways_from
 from wasd_navigation.planning.motion import HARD
 from wasd_navigation.records import Grid, UNKNOWN
 from wasd_navigation.se2 import wrap
@@ -185,11 +178,7 @@ class Explorer:
     def _rest(self, grid: Grid, distances: np.ndarray, beyond: np.ndarray) -> np.ndarray:
         """Return how far it is at least from each cell to a place [m], known or not."""
         price = np.where(distances >= self._reach, 1.0, np.inf).astype(np.float32)
-        row, column = map(int, grid.to_cells(beyond[None])[0])
-        values, most = march_from(
-            (row, column), price, np.zeros(price.shape, bool), grid.resolution
-        )
-        return np.where(values < most, values, np.inf)
+        return ways_from(grid.to_cells(beyond[None])[0], price, grid.resolution)
 
     def _viewpoint(self, ways: np.ndarray, cells: np.ndarray) -> np.ndarray | None:
         """Return the cell nearest to a frontier's middle that can be driven to, if any can."""
@@ -198,15 +187,6 @@ class Explorer:
             return None
         apart = np.hypot(*(reached - cells.mean(axis=0)).T)
         return np.asarray(reached[int(apart.argmin())])
-
-
-def ways_from(cell: np.ndarray, price: np.ndarray, resolution: float) -> np.ndarray:
-    """Return how far it is from a cell (row, column) to each [m of free way], float32."""
-    values = np.full(price.shape, np.inf, np.float32)
-    heap = make_heap(4 * values.size + 64)
-    start_at(values, heap, price, (int(cell[0]), int(cell[1])), resolution)
-    march(values, heap, price, resolution, WHOLE)
-    return values
 
 
 def measure_legs(price: np.ndarray, cells: np.ndarray, resolution: float) -> np.ndarray:

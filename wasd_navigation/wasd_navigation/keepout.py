@@ -7,7 +7,7 @@ import numpy as np
 
 from wasd_navigation.parameters import Footprint
 from wasd_navigation.planning.distances import measure_distances
-from wasd_navigation.planning.goal_field import march_from
+from wasd_navigation.planning.goal_field import ways_from
 from wasd_navigation.records import Grid, OCCUPIED
 
 # What cells of a picture show where keepout areas are.
@@ -92,9 +92,7 @@ class Keepout:
     def _way_out(self, grid: Grid, is_kept: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """Return which cells are about as near as the nearest where a robot is outside, bool."""
         price = np.where(grid.cells == OCCUPIED, np.inf, 1.0).astype(np.float32)
-        row, column = map(int, grid.to_cells(pose[None, :2])[0])
-        escape = np.zeros(price.shape, np.bool_)
-        ways, _ = march_from((row, column), price, escape, grid.resolution)
+        ways = ways_from(grid.to_cells(pose[None, :2])[0], price, grid.resolution)
         is_outside = measure_distances(is_kept, grid.resolution) >= self._reach
         is_outside &= np.isfinite(price)
         if not is_outside.any():

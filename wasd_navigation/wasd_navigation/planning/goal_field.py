@@ -110,11 +110,11 @@ class DiscField:
     def _begin(self) -> 'Spreading':
         around, reach = self._around, self._reach
         distances = around.distances.values[0]
-        row, column = map(int, around.map_.to_cells(self._goal[None, :2])[0])
+        row, column = map(int, around.grid.to_cells(self._goal[None, :2])[0])
         # Nearer than this, it is the obstacle that is wrong where the robot is.
         escape = (distances < reach) & (distances > 0.5 * reach)
         price = around.price_of(distances - reach)
-        resolution = around.map_.resolution
+        resolution = around.grid.resolution
         spreading = Spreading((row, column), price, escape, resolution, self._border)
         # What is around may be another by the time all is known.
         self.values = around.field_of(spreading.values[None])
@@ -196,6 +196,15 @@ def march_from(
     return spreading.values, spreading.beyond
 
 
+def ways_from(cell: np.ndarray, price: np.ndarray, resolution: float) -> np.ndarray:
+    """Return how far it is from a cell (row, column) to each [m of free way], float32."""
+    values = np.full(price.shape, np.inf, np.float32)
+    heap = make_heap(4 * values.size + 64)
+    start_at(values, heap, price, (int(cell[0]), int(cell[1])), resolution)
+    march(values, heap, price, resolution, WHOLE)
+    return values
+
+
 def shortest(goal: np.ndarray, pose: np.ndarray, around: Surroundings, reach: float) -> float:
     """
     Return about the shortest way [m] between places of a disc that is clear by `reach` [m].
@@ -205,13 +214,13 @@ def shortest(goal: np.ndarray, pose: np.ndarray, around: Surroundings, reach: fl
     distances = around.distances.values[0]
     rows, columns = (size // 2 for size in distances.shape)
     room = distances[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2).max(axis=(1, 3))
-    ends = around.map_.to_cells(np.stack((goal[:2], pose[:2]))) // 2
+    ends = around.grid.to_cells(np.stack((goal[:2], pose[:2]))) // 2
     ends = np.clip(ends, 0, (rows - 1, columns - 1))
     price = np.where(room > reach, 1.0, np.inf).astype(np.float32)
     price[tuple(ends.T)] = 1.0
     values = np.full((rows, columns), np.inf, np.float32)
     heap = make_heap(4 * rows * columns + 64)
-    resolution = 2.0 * around.map_.resolution
+    resolution = 2.0 * around.grid.resolution
     start_at(values, heap, price, (int(ends[0, 0]), int(ends[0, 1])), resolution)
     row, column = map(int, ends[1])
     _march(values, heap, price, resolution, row * columns + column, WHOLE)
