@@ -11,9 +11,9 @@ from mujoco_sim.flats import make_flat
 import numpy as np
 from wasd_navigation.planning.distances import measure_distances
 from wasd_navigation.planning.driver import Driver
-from wasd_navigation.planning.goal_field import march_from
+from wasd_navigation.planning.goal_field import ways_from
 from wasd_navigation.planning.motion import base_of
-from wasd_navigation.planning.route import refusal, Route
+from wasd_navigation.planning.route import Route
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import Grid, OCCUPIED
 
@@ -64,20 +64,23 @@ class Course:
 
     def choose_goal(self, nearest: float = NEAREST) -> np.ndarray:
         """Return a random goal that can be reached from where the robot is."""
-        robot, around = self.robot, self._surroundings(self.grid)
+        around = self._surroundings(self.grid)
         while True:
             goal = self._anywhere()
-            if refusal(goal, around, robot.footprint, robot.parameters) is not None:
+            if self._route(goal).refusal(around) is not None:
                 continue
             if not nearest <= self.shortest(goal) < math.inf:
                 continue
             if self._is_reached(goal, around):
                 return goal
 
+    def _route(self, goal: np.ndarray) -> Route:
+        robot = self.robot
+        return Route(goal, robot.footprint, base_of(robot.limits), robot.parameters)
+
     def _is_reached(self, goal: np.ndarray, around: Surroundings) -> bool:
         """Whether a way leads to a goal from where the robot is."""
-        robot, pose = self.robot, self.moving.pose
-        route = Route(goal, robot.footprint, base_of(robot.limits), robot.parameters)
+        pose, route = self.moving.pose, self._route(goal)
         route.draw(around)
         while route.is_drawing:
             route.work(pose, WHOLE)
@@ -107,8 +110,7 @@ class Course:
         around = self._surroundings(self.grid)
         while True:
             goal = np.append(self.random.uniform(room[:2], room[2:]), 0.0)
-            robot = self.robot
-            if refusal(goal, around, robot.footprint, robot.parameters) is None:
+            if self._route(goal).refusal(around) is None:
                 return goal[:2]
 
     def _anywhere(self) -> np.ndarray:
@@ -127,12 +129,8 @@ class Course:
         distances = measure_distances(self.grid.cells == OCCUPIED, self.grid.resolution)
         reach = self.robot.footprint.inscribed
         price = np.where(distances > reach, 1.0, np.inf).astype(np.float32)
-        row, column = map(int, self.grid.to_cells(goal[None, :2])[0])
-        nothing = np.zeros(price.shape, bool)
-        values, beyond = march_from((row, column), price, nothing, self.grid.resolution)
-        row, column = map(int, self.grid.to_cells(self.moving.pose[None, :2])[0])
-        value = float(values[row, column])
-        return value if value < beyond else math.inf
+        here, there = self.grid.to_cells(np.stack((self.moving.pose[:2], goal[:2])))
+        return float(ways_from(there, price, self.grid.resolution)[tuple(here)])
 
     def drive(self, goal: np.ndarray, trouble: 'Trouble | None' = None) -> Drive:
         """Send the robot to a goal and see how it gets there."""

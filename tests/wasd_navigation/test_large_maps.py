@@ -50,19 +50,19 @@ def test_no_more_than_a_window_of_a_large_map_is_looked_at(place) -> None:
     grid = building()
     looked = around(grid, place)
     assert looked.is_windowed
-    assert looked.map_.cells.shape == (round(WINDOW / 0.05),) * 2
+    assert looked.grid.cells.shape == (round(WINDOW / 0.05),) * 2
     row, column = looked.corner
-    rows, columns = looked.map_.cells.shape
-    assert (grid.cells[row : row + rows, column : column + columns] == looked.map_.cells).all()
-    assert looked.map_.has(np.array(place))
+    rows, columns = looked.grid.cells.shape
+    assert (grid.cells[row : row + rows, column : column + columns] == looked.grid.cells).all()
+    assert looked.grid.has(np.array(place))
 
 
 def test_the_window_follows_before_the_robot_comes_to_its_edge() -> None:
     looked = around(building(), (10.0, 10.0))
     for x in np.arange(10.0, 29.0, 0.25):
         place = np.array((x, 10.0))
-        looked.take_map(looked.whole_, 0, place)
-        low = looked.map_.origin[0]
+        looked.take_map(looked.whole, 0, place)
+        low = looked.grid.origin[0]
         assert x - low >= EDGE - 0.3
         assert low + WINDOW - x >= min(EDGE - 0.3, 30.0 - x)
 
@@ -223,5 +223,5 @@ def test_the_last_wall_of_a_large_map_is_looked_at_whatever_its_size(cells) -> N
     end = 0.05 * cells
     looked = around(grid, (end - 0.5, end - 0.5))
     assert looked.is_windowed
-    assert (looked.map_.cells[-1] == 100).all()
-    assert (looked.map_.cells[:, -1] == 100).all()
+    assert (looked.grid.cells[-1] == 100).all()
+    assert (looked.grid.cells[:, -1] == 100).all()

@@ -7,7 +7,7 @@ from cases import for_all
 import numpy as np
 import pytest
 from wasd_navigation.parameters import Footprint, InvalidFootprint
-from wasd_navigation.planning import FARTHEST, Field, measure_distances
+from wasd_navigation.planning.distances import FARTHEST, Field, measure_distances
 from wasd_navigation.planning.goal_field import follow, march_from, Spreading
 
 RESOLUTION = 0.05

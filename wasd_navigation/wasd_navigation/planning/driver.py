@@ -10,7 +10,7 @@ import numpy as np
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning.docking import Docking
 from wasd_navigation.planning.motion import base_of, clearance, IN_GAP, PoseFilter
-from wasd_navigation.planning.route import AT_ONCE, is_shut_off, no_way, Route, SLICE
+from wasd_navigation.planning.route import AT_ONCE, Route, SLICE
 from wasd_navigation.planning.sampling import is_safe, Sampler, Scene
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import FEWEST, Grid, Scan, UNKNOWN
@@ -159,7 +159,7 @@ class Driver:
     @property
     def costmap(self) -> Grid | None:
         """What is around, as costmaps have it; None before there was a map."""
-        return None if self._around.grid is None else self._around.costmap
+        return self._around.costmap if self._around.grid.cells.size else None
 
     @property
     def distance_left(self) -> float:
@@ -179,10 +179,6 @@ class Driver:
     def is_under_way(self) -> bool:
         """Whether it drives, or tries to."""
         return self.state in ('driving', 'turning', 'recovering')
-
-    def _no_way(self, goal: np.ndarray) -> str:
-        assert self._pose is not None
-        return no_way(goal, self._pose, self._around, self._footprint, self._parameters)
 
     def step(
         self,
@@ -232,19 +228,14 @@ class Driver:
             return np.zeros(3)
         if not asked.any():
             return asked
-        scene = self._scene(self._leading)
+        route = self._before or self._route
+        assert route is not None
+        scene = self._scene(route)
         for share in _SHARES:
             if is_safe(state, share * asked, scene, self._base, _HOLD):
                 return share * asked
         turn = asked * (0.0, 0.0, 1.0)
         return turn if is_safe(state, turn, scene, self._base, _HOLD) else np.zeros(3)
-
-    @property
-    def _leading(self) -> Route:
-        """The route that is driven along."""
-        route = self._before or self._route
-        assert route is not None
-        return route
 
     def _scene(self, route: Route) -> Scene:
         assert route.values is not None
@@ -293,7 +284,7 @@ class Driver:
 
     def _to_look(self, route: Route) -> str:
         """Return the remark on a goal of which nobody knows whether it is one, '' for others."""
-        (x, y), grid = route.asked[:2], self._around.whole_
+        (x, y), grid = route.asked[:2], self._around.whole
         if route.is_to_look:
             return f'({x:.2f}, {y:.2f}) is in an obstacle: the robot drives there to look'
         cell = grid.to_cells(route.goal[None, :2])
@@ -333,8 +324,8 @@ class Driver:
             if reason is not None and self._may_aim(route.asked):
                 route.aim(self._around, pose)
                 reason = reason if route.off == 0.0 else None
-            if reason is None and is_shut_off(route.goal, pose, self._around, self._footprint):
-                reason = self._no_way(route.goal)
+            if reason is None and route.is_shut_off(self._around, pose):
+                reason = route.no_way(self._around, pose)
             if reason is not None:
                 self._refuse(reason, dt)
             return False
@@ -347,7 +338,7 @@ class Driver:
         elif not route.settle(self._around, pose):
             return False
         if route.left(pose) == math.inf:
-            self._refuse(self._no_way(route.goal), dt)
+            self._refuse(route.no_way(self._around, pose), dt)
             return False
         self._is_new = False
         return True
@@ -376,9 +367,8 @@ class Driver:
 
     def _may_aim(self, goal: np.ndarray) -> bool:
         """Whether a place near a goal, which is none, may be one: it is on the map."""
-        grid = self._around.grid
-        is_map = grid is not None and min(grid.cells.shape) >= FEWEST
-        return is_map and bool(np.isfinite(goal).all()) and self._around.whole_.has(goal[:2])
+        is_map = min(self._around.grid.cells.shape) >= FEWEST
+        return is_map and bool(np.isfinite(goal).all()) and self._around.whole.has(goal[:2])
 
     def _may_dock(self, state: np.ndarray) -> Docking | None:
         """Return what leads straight to the goal, where nothing is in between."""
@@ -476,10 +466,12 @@ class Driver:
         """Stand while no way leads to the goal; look around for one at times, then give up."""
         route = self._route
         assert route is not None
+        assert self._pose is not None
         self._docking = None
         self.local_path = np.empty((0, 2))
         if self.state != 'recovering' or not self.reason.endswith(_WAITING):
-            self.state, self.reason = 'recovering', f'{self._no_way(route.goal)}{_WAITING}'
+            reason = route.no_way(self._around, self._pose)
+            self.state, self.reason = 'recovering', f'{reason}{_WAITING}'
         self._no_nearer += dt
         if self._no_nearer <= _WAIT:
             return np.zeros(3)

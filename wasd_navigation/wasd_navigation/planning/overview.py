@@ -119,7 +119,7 @@ class Overview:
 
     def __init__(self, goal: np.ndarray, around: Surroundings, rooms: Rooms, reach: float) -> None:
         self._goal, self._around, self._rooms, self._reach = goal, around, rooms, reach
-        rooms.take(around.whole_, around.occupied)
+        rooms.take(around.whole, around.occupied)
         self._heap: Heap | None = None
         self._is_spread = self.is_done = False
 
@@ -148,7 +148,7 @@ class Overview:
         self.is_done = True
 
     def _begin(self) -> None:
-        around, grid = self._around, self._around.whole_
+        around, grid = self._around, self._around.whole
         rooms, is_known = self._rooms.values.copy(), self._rooms.is_known.copy()
         row, column = around.corner
         # What the live scan has added is in the part that is looked at well.

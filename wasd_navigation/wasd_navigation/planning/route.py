@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a goal can be reached, and the path there from the robot."""
 
-import dataclasses
 import math
 from typing import Any
 
@@ -87,8 +86,43 @@ class Route:
         return self.off > self._parameters.tolerance + 1e-6
 
     def refusal(self, around: Surroundings) -> str | None:
-        """Return why what was asked for is no goal; None: it may be one."""
-        return refusal(self.asked, around, self._footprint, self._parameters, self.may_be_unknown)
+        """Return why what was asked for is no goal, by no look for a way; None: it may be one."""
+        goal = self.asked
+        if not np.isfinite(goal).all():
+            return f'the goal must be finite numbers, got ({goal[0]}, {goal[1]}, {goal[2]})'
+        grid = around.whole
+        if min(grid.cells.shape) < FEWEST:
+            return 'there is no map yet: drive around first, or give one'
+        place = f'({goal[0]:.2f}, {goal[1]:.2f})'
+        cell = grid.to_cells(goal[None, :2])
+        if not grid.covers(cell)[0]:
+            low = grid.origin
+            high = grid.to_points(np.array(grid.cells.shape)[None])[0]
+            return (
+                f'{place} is outside the map, which goes from ({low[0]:.1f}, {low[1]:.1f}) to '
+                f'({high[0]:.1f}, {high[1]:.1f})'
+            )
+        if not around.grid.has(goal[:2]):
+            around = around.at(goal)
+            cell = around.grid.to_cells(goal[None, :2])
+        elif around.is_windowed:
+            cell = around.grid.to_cells(goal[None, :2])
+        state = np.append(goal, np.zeros(3))
+        needed = HARD * self._parameters.margin
+        room = clearance(around.distances, self._footprint.circles, state, needed)
+        if room < needed:
+            what = (
+                'is in an obstacle'
+                if room < -self._footprint.inscribed
+                else 'is too near an obstacle'
+            )
+            has = (
+                f'there are {room:.2f} m' if room >= 0.0 else f'and would overlap by {-room:.2f} m'
+            )
+            return f'{place} {what}: the robot needs {needed:.2f} m around it, {has}'
+        if around.is_unknown[tuple(cell[0])] and not self.may_be_unknown:
+            return f'{place} is unknown: choose a free place of the map'
+        return None
 
     def aim(self, around: Surroundings, pose: np.ndarray) -> None:
         """
@@ -96,15 +130,79 @@ class Route:
 
         Where the map grows it may be farther than the tolerance: see `is_to_look`.
         """
-        footprint, parameters = self._footprint, self._parameters
-        found = nearest_free(self.asked, pose, around, footprint, parameters, self.may_be_unknown)
-        if found is None and self.may_be_unknown and may_go(self.asked, around, footprint):
-            parameters = dataclasses.replace(parameters, tolerance=_LOOK)
-            found = nearest_free(self.asked, pose, around, footprint, parameters)
+        may_be_unknown = self.may_be_unknown
+        found = self._nearest_free(around, pose, self._parameters.tolerance, may_be_unknown)
+        if found is None and may_be_unknown and self._may_go(around):
+            found = self._nearest_free(around, pose, _LOOK, False)
         if found is not None:
             self.goal = found
         elif self.may_be_unknown:
             self.goal = self.asked  # what is seen now shows no place that would do
+
+    def _nearest_free(
+        self, around: Surroundings, pose: np.ndarray, tolerance: float, may_be_unknown: bool
+    ) -> np.ndarray | None:
+        """
+        Return the pose nearest to what was asked for where the robot has room, if there is one.
+
+        It is no farther than a tolerance [m], where the map is known unless it `may_be_unknown`,
+        and on this side of all walls: a disc as wide as the robot gets there from a pose.
+        """
+        goal = self.asked
+        if around.is_windowed and not around.grid.has(goal[:2]):
+            around = around.at(goal)
+        field, grid, needed = around.distances, around.grid, HARD * self._parameters.margin
+        count = int(tolerance / grid.resolution)
+        steps = np.arange(-count, count + 1) * grid.resolution
+        offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        away = np.hypot(offsets[:, 0], offsets[:, 1])
+        near = np.argsort(away, kind='stable')
+        places = goal[:2] + offsets[near[away[near] <= tolerance + 1e-9]]
+        # Nobody means the other side of what is in the way.
+        may_be_unknown &= (
+            look_up_each(field, 0, goal[None, :2])[0] > 0.5 * self._footprint.inscribed
+        )
+        inside = grid.covers(grid.to_cells(places))
+        places, cells = places[inside], grid.to_cells(places[inside])
+        is_known = ~around.is_unknown[tuple(cells.T)] | may_be_unknown
+        # Most places near an obstacle have no room by far.
+        is_known &= (
+            field.values[0][tuple(cells.T)] > self._footprint.inscribed - 1.5 * grid.resolution
+        )
+        is_reached: np.ndarray | None = None
+        for place, cell in zip(places[is_known], cells[is_known], strict=True):
+            state = np.array((*place, goal[2], 0.0, 0.0, 0.0))
+            if clearance(field, self._footprint.circles, state, needed) < needed:
+                continue
+            if is_reached is None:
+                if (place == goal[:2]).all():
+                    return goal
+                if not grid.has(pose[:2]):
+                    return state[:3]  # far away: its way will show
+                is_reached = flood(
+                    grid.to_cells(pose[None, :2])[0], field.values[0], self._footprint.inscribed
+                )
+            if is_reached[tuple(cell)]:
+                return state[:3]
+        return None
+
+    def _may_go(self, around: Surroundings) -> bool:
+        """Whether all that is in the way at the goal is no wider than what may go away."""
+        goal = self.asked
+        if around.is_windowed and not around.grid.has(goal[:2]):
+            around = around.at(goal)
+        grid, distances = around.grid, around.distances.values[0]
+        x, y, radius = self._footprint.circles[0]
+        reach = math.hypot(x, y) + radius + grid.resolution
+        low, high = grid.to_cells(np.stack((goal[:2] - reach, goal[:2] + reach)))
+        corner = np.maximum(low, 0)
+        near = distances[corner[0] : high[0] + 1, corner[1] : high[1] + 1]
+        for cell in np.argwhere(near < 0.0) + corner:
+            # Cells that touch at a corner are of one thing.
+            thing = np.argwhere(flood(cell, -distances, -0.55 * grid.resolution))
+            if (np.ptp(thing, axis=0) - 1).max() * grid.resolution > _MAY_GO:
+                return False
+        return True
 
     def draw(self, around: Surroundings) -> None:
         """Begin to work the values out for what is around now."""
@@ -118,7 +216,7 @@ class Route:
             self._draw_near(around)
 
     def _needs_overview(self, around: Surroundings) -> bool:
-        return around.is_windowed and (self._is_cut_off or not around.map_.has(self.goal[:2]))
+        return around.is_windowed and (self._is_cut_off or not around.grid.has(self.goal[:2]))
 
     def _draw_near(self, around: Surroundings) -> None:
         """Begin to draw what is looked at."""
@@ -180,11 +278,44 @@ class Route:
         """Return a way from a pose by a drawing; beyond what is looked at, by the overview."""
         way = drawing.way_from(pose)
         overview, around = self._beyond, self._around
-        if overview is None or around is None or around.map_.has(self.goal[:2]) or len(way) < 2:
+        if overview is None or around is None or around.grid.has(self.goal[:2]) or len(way) < 2:
             return way
         places = overview.way_from(way[-2, :2])
         far = np.column_stack((places, np.full(len(places), way[-2, 2])))
         return np.concatenate((way[:-1], far, way[-1:]))
+
+    def no_way(self, around: Surroundings, pose: np.ndarray) -> str:
+        """Return in words that no way leads to the goal, and how wide the widest one is [m]."""
+        goal = self.goal
+        needed = self._footprint.inscribed + IN_GAP * self._parameters.margin
+        begins = f'no way leads to ({goal[0]:.2f}, {goal[1]:.2f})'
+        grid, distances = around.grid, around.distances.values[0]
+        if not grid.has(goal[:2]) or not grid.has(pose[:2]):
+            return begins
+        ends = grid.to_cells(np.stack((goal[:2], pose[:2])))
+        low, high = 0.0, 2.0 * needed
+        if not flood(ends[1], distances, low)[tuple(ends[0])]:
+            return f'{begins}: it is shut off'
+        while high - low > 0.005:
+            middle = 0.5 * (low + high)
+            is_wide = flood(ends[1], distances, middle)[tuple(ends[0])]
+            low, high = (middle, high) if is_wide else (low, middle)
+        if low >= needed:
+            return f'{begins}: the robot, which is long, cannot turn where it would have to'
+        return (
+            f'{begins}: the widest is about {2.0 * low:.2f} m wide, {2.0 * needed:.2f} are needed'
+        )
+
+    def is_shut_off(self, around: Surroundings, pose: np.ndarray) -> bool:
+        """Whether not even the middle of a long robot could come to the goal, however it turns."""
+        if self._footprint.is_circle or around.is_windowed:
+            return False  # that is what its route is drawn for
+        field, grid = around.distances, around.grid
+        row, column = map(int, grid.to_cells(self.goal[None, :2])[0])
+        rows, columns = grid.cells.shape
+        low = int(min(max((pose[1] - field.y) / field.resolution, 0), rows - 2))
+        left = int(min(max((pose[0] - field.x) / field.resolution, 0), columns - 2))
+        return not reaches((row, column), (low, left), field.values[0], self._footprint.inscribed)
 
     def settle(self, around: Surroundings, pose: np.ndarray) -> bool:
         """
@@ -198,7 +329,7 @@ class Route:
         length = _length(way)
         if self._easy is None:
             width = self._footprint.inscribed
-            is_far = length > _FAR or not around.map_.has(self.goal[:2])
+            is_far = length > _FAR or not around.grid.has(self.goal[:2])
             if is_far or length <= _LONG * shortest(self.goal, pose, around, width):
                 self.is_settled = True
                 return True
@@ -282,7 +413,7 @@ def border_of(around: Surroundings, overview: Overview) -> np.ndarray:
 
     It is infinite of all others, and where the map ends, too.
     """
-    shape, all_ = around.map_.cells.shape, around.whole_.cells.shape
+    shape, all_ = around.grid.cells.shape, around.whole.cells.shape
     border = np.full(shape, np.inf, np.float32)
     row, column = around.corner
     # Two cells, as a lattice has every other one.
@@ -297,150 +428,5 @@ def border_of(around: Surroundings, overview: Overview) -> np.ndarray:
             if goes_on:
                 border[cells] = 0.0
     begun = np.argwhere(border == 0.0)
-    border[tuple(begun.T)] = overview.at(around.map_.to_points(begun))
+    border[tuple(begun.T)] = overview.at(around.grid.to_points(begun))
     return border
-
-
-def refusal(
-    goal: np.ndarray,
-    around: Surroundings,
-    footprint: Footprint,
-    parameters: PlanningParameters,
-    may_be_unknown: bool = False,
-) -> str | None:
-    """Return why a goal (x, y, yaw) is none, before any way is looked for; None: it may be one."""
-    if not np.isfinite(goal).all():
-        return f'the goal must be finite numbers, got ({goal[0]}, {goal[1]}, {goal[2]})'
-    grid = around.whole
-    if grid is None or min(grid.cells.shape) < FEWEST:
-        return 'there is no map yet: drive around first, or give one'
-    place = f'({goal[0]:.2f}, {goal[1]:.2f})'
-    cell = grid.to_cells(goal[None, :2])
-    if not grid.covers(cell)[0]:
-        low = grid.origin
-        high = grid.to_points(np.array(grid.cells.shape)[None])[0]
-        return (
-            f'{place} is outside the map, which goes from ({low[0]:.1f}, {low[1]:.1f}) to '
-            f'({high[0]:.1f}, {high[1]:.1f})'
-        )
-    if not around.map_.has(goal[:2]):
-        around = around.at(goal)
-        cell = around.map_.to_cells(goal[None, :2])
-    elif around.is_windowed:
-        cell = around.map_.to_cells(goal[None, :2])
-    state = np.append(goal, np.zeros(3))
-    needed = HARD * parameters.margin
-    room = clearance(around.distances, footprint.circles, state, needed)
-    if room < needed:
-        what = 'is in an obstacle' if room < -footprint.inscribed else 'is too near an obstacle'
-        has = f'there are {room:.2f} m' if room >= 0.0 else f'and would overlap by {-room:.2f} m'
-        return f'{place} {what}: the robot needs {needed:.2f} m around it, {has}'
-    if around.is_unknown[tuple(cell[0])] and not may_be_unknown:
-        return f'{place} is unknown: choose a free place of the map'
-    return None
-
-
-def nearest_free(
-    goal: np.ndarray,
-    pose: np.ndarray,
-    around: Surroundings,
-    footprint: Footprint,
-    parameters: PlanningParameters,
-    may_be_unknown: bool = False,
-) -> np.ndarray | None:
-    """
-    Return the pose nearest to a goal (x, y, yaw) where the robot has room; None: there is none.
-
-    It is no farther than the tolerance, where the map is known unless it `may_be_unknown`, and on
-    this side of all walls: a disc as wide as the robot gets there from a pose.
-    """
-    if around.is_windowed and not around.map_.has(goal[:2]):
-        around = around.at(goal)
-    field, grid, needed = around.distances, around.map_, HARD * parameters.margin
-    count = int(parameters.tolerance / grid.resolution)
-    steps = np.arange(-count, count + 1) * grid.resolution
-    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    away = np.hypot(offsets[:, 0], offsets[:, 1])
-    near = np.argsort(away, kind='stable')
-    places = goal[:2] + offsets[near[away[near] <= parameters.tolerance + 1e-9]]
-    # Nobody means the other side of what is in the way.
-    may_be_unknown &= look_up_each(field, 0, goal[None, :2])[0] > 0.5 * footprint.inscribed
-    inside = grid.covers(grid.to_cells(places))
-    places, cells = places[inside], grid.to_cells(places[inside])
-    is_known = ~around.is_unknown[tuple(cells.T)] | may_be_unknown
-    # Most places near an obstacle have no room by far.
-    is_known &= field.values[0][tuple(cells.T)] > footprint.inscribed - 1.5 * grid.resolution
-    is_reached: np.ndarray | None = None
-    for place, cell in zip(places[is_known], cells[is_known], strict=True):
-        state = np.array((*place, goal[2], 0.0, 0.0, 0.0))
-        if clearance(field, footprint.circles, state, needed) < needed:
-            continue
-        if is_reached is None:
-            if (place == goal[:2]).all():
-                return goal
-            if not grid.has(pose[:2]):
-                return state[:3]  # far away: its way will show
-            is_reached = flood(
-                grid.to_cells(pose[None, :2])[0], field.values[0], footprint.inscribed
-            )
-        if is_reached[tuple(cell)]:
-            return state[:3]
-    return None
-
-
-def may_go(goal: np.ndarray, around: Surroundings, footprint: Footprint) -> bool:
-    """Whether all that is in the way at a goal (x, y, yaw) is no wider than what may go away."""
-    if around.is_windowed and not around.map_.has(goal[:2]):
-        around = around.at(goal)
-    grid, distances = around.map_, around.distances.values[0]
-    x, y, radius = footprint.circles[0]
-    reach = math.hypot(x, y) + radius + grid.resolution
-    low, high = grid.to_cells(np.stack((goal[:2] - reach, goal[:2] + reach)))
-    corner = np.maximum(low, 0)
-    near = distances[corner[0] : high[0] + 1, corner[1] : high[1] + 1]
-    for cell in np.argwhere(near < 0.0) + corner:
-        # Cells that touch at a corner are of one thing.
-        thing = np.argwhere(flood(cell, -distances, -0.55 * grid.resolution))
-        if (np.ptp(thing, axis=0) - 1).max() * grid.resolution > _MAY_GO:
-            return False
-    return True
-
-
-def no_way(
-    goal: np.ndarray,
-    pose: np.ndarray,
-    around: Surroundings,
-    footprint: Footprint,
-    parameters: PlanningParameters,
-) -> str:
-    """Return in words that no way leads to a goal, and how wide the widest one is [m]."""
-    needed = footprint.inscribed + IN_GAP * parameters.margin
-    begins = f'no way leads to ({goal[0]:.2f}, {goal[1]:.2f})'
-    grid, distances = around.map_, around.distances.values[0]
-    if not grid.has(goal[:2]) or not grid.has(pose[:2]):
-        return begins
-    ends = grid.to_cells(np.stack((goal[:2], pose[:2])))
-    low, high = 0.0, 2.0 * needed
-    if not flood(ends[1], distances, low)[tuple(ends[0])]:
-        return f'{begins}: it is shut off'
-    while high - low > 0.005:
-        middle = 0.5 * (low + high)
-        is_wide = flood(ends[1], distances, middle)[tuple(ends[0])]
-        low, high = (middle, high) if is_wide else (low, middle)
-    if low >= needed:
-        return f'{begins}: the robot, which is long, cannot turn where it would have to'
-    return f'{begins}: the widest is about {2.0 * low:.2f} m wide, {2.0 * needed:.2f} are needed'
-
-
-def is_shut_off(
-    goal: np.ndarray, pose: np.ndarray, around: Surroundings, footprint: Footprint
-) -> bool:
-    """Whether not even the middle of a long robot could come to a goal, however it turns."""
-    if footprint.is_circle or around.is_windowed:
-        return False  # that is what its route is drawn for
-    field, grid = around.distances, around.map_
-    row, column = map(int, grid.to_cells(goal[None, :2])[0])
-    rows, columns = grid.cells.shape
-    low = int(min(max((pose[1] - field.y) / field.resolution, 0), rows - 2))
-    left = int(min(max((pose[0] - field.x) / field.resolution, 0), columns - 2))
-    return not reaches((row, column), (low, left), field.values[0], footprint.inscribed)

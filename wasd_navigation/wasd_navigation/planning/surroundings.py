@@ -27,6 +27,8 @@ _OF_THE_MAP_OF_MOVERS = 0.15
 _REACH = 4.0
 # What is marked is taken to be so deep, as seen from the robot, until its other side is seen [m].
 _DEPTH = 0.4
+# Before there is a map.
+_NOTHING = Grid(np.zeros((0, 0), np.int8), 1.0, (0.0, 0.0))
 
 
 class ObstacleLayer:
@@ -39,7 +41,7 @@ class ObstacleLayer:
 
     def __init__(self) -> None:
         self.marks = np.zeros((0, 0), np.uint8)
-        self._grid: Grid | None = None
+        self._grid = _NOTHING
         self._last = np.zeros((0, 3))  # ends (x, y) [cells], distance that is of the map [m]
         self._begin = np.zeros(2)  # of their rays [cells]
         self.is_new = False
@@ -55,14 +57,13 @@ class ObstacleLayer:
         """Use the cells of a grid from now on."""
         old, marks = self._grid, self.marks
         self._grid = grid
-        same = old is not None and old.origin == grid.origin
-        if same and marks.shape == grid.cells.shape:
+        if old.origin == grid.origin and marks.shape == grid.cells.shape:
             return
         self.marks = np.zeros(grid.cells.shape, np.uint8)
         self._last = self._last[:0]
         self.is_new = True
         cells = np.argwhere(marks)
-        if old is None or not len(cells):
+        if not len(cells):
             return
         moved = grid.to_cells(old.to_points(cells))
         inside = grid.covers(moved)
@@ -75,7 +76,6 @@ class ObstacleLayer:
         `distances` [m], shape of the cells, are those to obstacles of the map. Hits no farther
         than `clear_of` [m] from the robot's middle are the robot.
         """
-        assert self._grid is not None
         grid = self._grid
         corner = np.array(grid.origin)
         begin = (transform(pose, scan.origin[None])[0] - corner) / grid.resolution
@@ -91,14 +91,12 @@ class ObstacleLayer:
 
     def has_hit(self, place: np.ndarray, reach: float) -> bool:
         """Return whether the last scan hit something within a reach [m] of a place, shape (2,)."""
-        assert self._grid is not None
         ends = self._last[:, :2] * self._grid.resolution + self._grid.origin - place
         return bool((np.hypot(*ends.T) < reach).any())
 
     @property
     def hidden(self) -> np.ndarray:
         """Which cells the last scan could not see for what it has marked, bool."""
-        assert self._grid is not None
         hidden = np.zeros(self.marks.shape, np.bool_)
         _shade(hidden, self.marks, self._begin, self._last, _DEPTH / self._grid.resolution)
         return hidden
@@ -198,8 +196,7 @@ class Surroundings:
         self.movers = Movers()
         self.revision = 0
         self.known = 0.0
-        self.grid: Grid | None = None
-        self.whole: Grid | None = None
+        self.grid = self.whole = _NOTHING
         self.corner = (0, 0)
         self._grid_revision: int | None = None
         self._of_map = np.zeros((0, 0), np.float32)
@@ -211,8 +208,7 @@ class Surroundings:
 
         Of a large one, what is around a place, shape (2,) [m].
         """
-        is_same = self.whole is not None and revision == self._grid_revision
-        if is_same and not self._is_near_edge(place):
+        if revision == self._grid_revision and not self._is_near_edge(place):
             return
         self.whole, self._grid_revision = grid, revision
         self.known = np.count_nonzero(grid.cells != UNKNOWN) * grid.resolution**2
@@ -228,12 +224,11 @@ class Surroundings:
 
     def _is_near_edge(self, place: np.ndarray) -> bool:
         """Whether a place is near where the map goes on beyond what is looked at."""
-        assert self.whole is not None
         if not self.is_windowed:
             return False
         near = EDGE / self.whole.resolution
         cell = self.whole.to_cells(place[None, :2])[0]
-        sizes = zip(cell, self.corner, self.map_.cells.shape, self.whole.cells.shape, strict=True)
+        sizes = zip(cell, self.corner, self.grid.cells.shape, self.whole.cells.shape, strict=True)
         return any(
             (low > 0 and at - low < near) or (low + size < all_ and low + size - at < near)
             for at, low, size, all_ in sizes
@@ -241,7 +236,6 @@ class Surroundings:
 
     def at(self, place: np.ndarray) -> 'Surroundings':
         """Return what is around another place of the map, without what was seen."""
-        assert self.whole is not None
         there = Surroundings(self._footprint, self._parameters)
         there.take_map(self.whole, 0, place)
         return there
@@ -250,24 +244,22 @@ class Surroundings:
         """Take a scan from a pose in the map, shape (3,)."""
         self.layer.see(scan, pose, self._of_map, self._footprint.inscribed)
         points = transform(pose, scan.own_points)
-        cells = self.map_.to_cells(points)
-        inside = self.map_.covers(cells)
+        cells = self.grid.to_cells(points)
+        inside = self.grid.covers(cells)
         points, cells = points[inside], cells[inside]
         is_other = self._of_map[tuple(cells.T)] > _OF_THE_MAP_OF_MOVERS
-        is_other &= self.map_.cells[tuple(cells.T)] != UNKNOWN  # all is new there
+        is_other &= self.grid.cells[tuple(cells.T)] != UNKNOWN  # all is new there
         is_other |= self.movers.are_at(points)  # the map may have taken in who stands
         self.movers.see(points[is_other], transform(pose, scan.origin[None])[0])
 
     @property
     def _is_wall(self) -> np.ndarray:
         """Which cells are obstacles of the map, bool."""
-        assert self.grid is not None
         return self.grid.cells >= self._parameters.occupied
 
     @property
     def is_unknown(self) -> np.ndarray:
         """The unknown cells, bool."""
-        assert self.grid is not None
         return self.grid.cells == UNKNOWN
 
     @property
@@ -280,7 +272,7 @@ class Surroundings:
         """
         unseen, hidden = self.is_unknown, self.layer.hidden
         if hidden.any():
-            distances = measure_distances(hidden, self.map_.resolution)
+            distances = measure_distances(hidden, self.grid.resolution)
             unseen |= distances < self._footprint.inscribed
         return unseen
 
@@ -288,7 +280,6 @@ class Surroundings:
     def distances(self) -> Field:
         """How far it is to the nearest obstacle of map or scan; one layer."""
         if self._distances is None or self.layer.is_new:
-            assert self.grid is not None
             marks, values = self.layer.take(), self._of_map
             if marks.any():
                 values = measure_distances(self._is_wall | marks, self.grid.resolution)
@@ -312,18 +303,6 @@ class Surroundings:
         return parameters.comfort, parameters.comfort_price, parameters.unknown_price
 
     @property
-    def map_(self) -> Grid:
-        """What is looked at of the map, where there is one."""
-        assert self.grid is not None
-        return self.grid
-
-    @property
-    def whole_(self) -> Grid:
-        """All of the map, where there is one."""
-        assert self.whole is not None
-        return self.whole
-
-    @property
     def occupied(self) -> int:
         """The occupancy from which on a cell is an obstacle."""
         return self._parameters.occupied
@@ -342,7 +321,6 @@ class Surroundings:
 
     def field_of(self, values: np.ndarray, step: int = 1) -> Field:
         """Return values, shape (headings, rows, columns), of every `step`th cell as a field."""
-        assert self.grid is not None
         resolution = self.grid.resolution
         x, y = (corner + 0.5 * resolution for corner in self.grid.origin)
         return Field(values, x, y, resolution * step)
@@ -355,7 +333,6 @@ class Surroundings:
         100 on an obstacle, 99 where the robot's middle cannot be, then falling to 0 at the edge
         of its comfort; unknown where nobody has looked and nothing is near.
         """
-        assert self.grid is not None
         distances = self.distances.values[0]
         reach = self._footprint.inscribed + self._parameters.margin
         share = 1.0 - (distances - reach) / self._parameters.comfort
