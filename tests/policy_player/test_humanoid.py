@@ -5,6 +5,7 @@ import numpy as np
 from policy_files import constant, layers, mjlab, onnx
 from policy_player.stands import G1_JOINTS, g1_stand
 import pytest
+from terminals import wait_until
 import wasd
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.run.options import RunOptions
@@ -284,14 +285,14 @@ def test_other_processes_press_its_keys_drive_it_and_hear_its_state(ros, tmp_pat
         peer.create_subscription(kind, topic, heard[topic].append, quality)
 
     def until(is_so, act=lambda: None):
-        for _ in range(600):
+        def look():
             act()
             run.simulation.advance(20)
             run.face.handle(0.02)
             rclpy.spin_once(peer, timeout_sec=0.0)
-            if is_so():
-                return
-        raise AssertionError(f'not within 600 looks: {run.robot.state}')
+            return is_so()
+
+        wait_until(look)
 
     def state():
         return heard['state'][-1].data if heard['state'] else ''
