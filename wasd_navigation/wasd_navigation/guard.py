@@ -12,14 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
+from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import Pose
 from wasd_core.timing import Watchdog
 
 from wasd_navigation.guard_parameters import GuardParameters
-from wasd_navigation.odometry import Odometry
+from wasd_navigation.odometry import leaps, Odometry
 from wasd_navigation.parameters import Footprint
 from wasd_navigation.records import Scan
 from wasd_navigation.se2 import compose, inverse, transform
+from wasd_navigation.senses import Senses
 
 # What is hidden from the lidar now is remembered for so long [s], up to so far away [m].
 MEMORY, MEMORY_REACH = 10.0, 3.0
@@ -265,6 +267,35 @@ class Guard:
                     return share
                 bad = share
         return 0.0
+
+
+class GuardSenses(Senses):
+    """What a guard senses: it is shown scans, and told where odometry leaps."""
+
+    def __init__(self, guard: Guard) -> None:
+        super().__init__()
+        self._guard = guard
+        self.on_scan = lambda scan, odometry, age, _: guard.see(scan, odometry, age)
+        self.odometry: Odometry | None = None
+        self._read_at = 0.0
+
+    def take_odometry(self, now: float, base: BaseOdometry, frames: tuple[str, str]) -> None:
+        """Take odometry of a time [s]; `frames` are odom's and the base's."""
+        odometry = self.read_odometry(now, base, frames)
+        if odometry is None:
+            return
+        before, self.odometry = self.odometry, odometry
+        if before is not None and leaps(before.pose, odometry.pose, max(now - self._read_at, 0.0)):
+            self.forget_odometry(now)
+            self._guard.take_leap(before.pose, odometry.pose)
+        self._read_at = now
+        self.add_odometry(now, odometry)
+
+    def reset(self) -> None:
+        """Forget what was sensed, as the guard does."""
+        super().reset()
+        self._guard.reset()
+        self.odometry = None
 
 
 def warm_up(footprint: Footprint) -> None:

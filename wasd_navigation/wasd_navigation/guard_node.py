@@ -18,12 +18,9 @@ from wasd_core.streams import visible
 from wasd_core.timing import Watchdog
 from wasd_core.topics import LATCHED, RELIABLE, SENSOR_DATA, tf_message_type, TF_STATIC
 
-from wasd_navigation.guard import Guard, warm_up
+from wasd_navigation.guard import Guard, GuardSenses, warm_up
 from wasd_navigation.guard_parameters import guard, GuardNodeParameters
 from wasd_navigation.messages import take_fixed_frames, take_scan, to_velocity
-from wasd_navigation.odometry import leaps, Odometry
-from wasd_navigation.records import Scan
-from wasd_navigation.senses import Senses
 
 # A command is looked at again so often [s] while it is in force: no longer than this without
 # another one [s], as controllers forget it then.
@@ -43,18 +40,17 @@ class GuardNode(Node):
 
     def __init__(self, *, parameter_overrides: list[Parameter] | None = None) -> None:
         super().__init__('guard', parameter_overrides=parameter_overrides or [])
-        settings = declare_parameters(self, GuardNodeParameters, self._on_change)
-        self.senses = Senses()
-        self.senses.warn = self._warn
-        self.senses.on_scan = self._see
+        settings = declare_parameters(
+            self, GuardNodeParameters, lambda changed: self.guard.tune(changed)
+        )
         braking = settings.braking
         rates = np.array((braking.forward, braking.lateral, braking.yaw))
         warm_up(settings.footprint)
         self.guard = Guard(settings.footprint, rates, settings)
-        self._odometry: Odometry | None = None
+        self.senses = GuardSenses(self.guard)
+        self.senses.warn = self._warn
         self._asked, self._heard = np.zeros(3), Watchdog(IN_FORCE)
         self._stepped_at: float | None = None
-        self._odom_at = 0.0
         self._base_frame = ''
         self._is_stamped = settings.enable_stamped_cmd_vel
         kind = TwistStamped if self._is_stamped else Twist
@@ -66,7 +62,9 @@ class GuardNode(Node):
         self.create_subscription(LaserScan, settings.scan_topic, self._on_scan, SENSOR_DATA)
         tf = tf_message_type()
         if tf is not None:
-            self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
+            self.create_subscription(
+                tf, '/tf_static', lambda said: take_fixed_frames(said, self.senses), TF_STATIC
+            )
         self.create_timer(PERIOD, self.step)
 
     def step(self) -> None:
@@ -88,10 +86,8 @@ class GuardNode(Node):
         self._stepped_at = now
         if dt < 0.0:  # time has jumped back: all that is known is old
             self.senses.reset()
-            self.guard.reset()
-            self._odometry = None
         self._heard.step(dt)
-        guarded = self.guard.step(self._asked, self._odometry, dt)
+        guarded = self.guard.step(self._asked, self.senses.odometry, dt)
         words = ': '.join(filter(None, (guarded.action, guarded.why)))
         if words != self._said:
             self._said = words
@@ -114,27 +110,10 @@ class GuardNode(Node):
     def _on_odometry(self, message: OdometryMessage) -> None:
         now = to_seconds(message.header.stamp)
         frames = message.header.frame_id, message.child_frame_id
-        odometry = self.senses.read_odometry(now, from_odometry(message), frames)
-        if odometry is None:
-            return
-        before, self._odometry = self._odometry, odometry
-        if before is not None and leaps(before.pose, odometry.pose, max(now - self._odom_at, 0.0)):
-            self.senses.forget_odometry(now)
-            self.guard.take_leap(before.pose, odometry.pose)
-        self._odom_at = now
-        self.senses.add_odometry(now, odometry)
+        self.senses.take_odometry(now, from_odometry(message), frames)
 
     def _on_scan(self, message: LaserScan) -> None:
         take_scan(message, self.senses)
-
-    def _see(self, scan: Scan, odometry: Odometry, age: float, _: float) -> None:
-        self.guard.see(scan, odometry, age)
-
-    def _on_fixed_frames(self, message: Any) -> None:
-        take_fixed_frames(message, self.senses)
-
-    def _on_change(self, changed: GuardNodeParameters) -> None:
-        self.guard.tune(changed)
 
     def _warn(self, words: str) -> None:
         self.get_logger().warning(visible(words), throttle_duration_sec=5.0)

@@ -71,7 +71,9 @@ class NavigatorNode(Node):
         super().__init__(
             'navigator', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
-        settings = declare_parameters(self, NavigatorParameters, self._on_change)
+        settings = declare_parameters(
+            self, NavigatorParameters, lambda changed: self.navigation.tune(changed)
+        )
         self.navigation = navigation or RobotNavigator(settings, inform=self._log)
         self.navigation.configure(settings)
         self.navigation.warn = self._warn
@@ -258,9 +260,6 @@ class NavigatorNode(Node):
         except UserError as error:
             response.message = str(error)
         return response
-
-    def _on_change(self, changed: NavigatorParameters) -> None:
-        self.navigation.tune(changed)
 
     def _log(self, words: str) -> None:
         self.get_logger().info(visible(words))

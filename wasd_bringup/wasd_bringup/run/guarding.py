@@ -4,11 +4,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from wasd_navigation.guard import Guard, warm_up
-from wasd_navigation.odometry import leaps, Odometry
+from wasd_navigation.guard import Guard, GuardSenses, warm_up
 from wasd_navigation.parameters import footprint_of
-from wasd_navigation.records import Scan
-from wasd_navigation.senses import Senses
 
 from wasd_bringup.run.robot import Robot
 from wasd_bringup.run.sensing import guard_parameters_of, lidar_of, listen_to_lidar, size_of
@@ -34,11 +31,9 @@ class RobotGuard:
         warm_up(footprint)
         self._robot = robot
         self.unit = Guard(footprint, np.array(robot.braking), guard_parameters_of(robot))
-        self._senses = Senses()
-        self._senses.on_scan = self._see
-        self._odometry: Odometry | None = None
+        self._senses = GuardSenses(self.unit)
         self._asked: tuple[float, ...] | None = None
-        self._stepped_at = self._heard_at = robot.world.time
+        self._stepped_at = robot.world.time
         robot.hold_back(self._limit)
         robot.guard_words = lambda: self.words
         robot.drivers.guard = lambda: self.action
@@ -64,28 +59,14 @@ class RobotGuard:
         if wanted != self._asked or dt >= PERIOD - 1e-9:
             self._asked, self._stepped_at = wanted, now
             self._take_odometry()
-            self.unit.step(np.array(wanted), self._odometry, dt)
+            self.unit.step(np.array(wanted), self._senses.odometry, dt)
         return self.unit.last.velocity
 
     def _take_odometry(self) -> None:
         base = self._robot.odometry
-        if base is None:
-            return
-        now = self._robot.world.time
-        odometry = self._senses.read_odometry(now, base, self._robot.frames)
-        if odometry is None:
-            return
-        before, self._odometry = self._odometry, odometry
-        if before is not None and leaps(before.pose, odometry.pose, now - self._heard_at):
-            self._senses.forget_odometry(now)
-            self.unit.take_leap(before.pose, odometry.pose)
-        self._heard_at = now
-        self._senses.add_odometry(now, odometry)
-
-    def _see(self, scan: Scan, odometry: Odometry, age: float, _: float) -> None:
-        self.unit.see(scan, odometry, age)
+        if base is not None:
+            self._senses.take_odometry(self._robot.world.time, base, self._robot.frames)
 
     def _reset(self) -> None:
         self._senses.reset()
-        self.unit.reset()
-        self._odometry = self._asked = None
+        self._asked = None
