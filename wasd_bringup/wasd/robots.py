@@ -162,12 +162,7 @@ class Robot:
 
     @contextlib.contextmanager
     def _alone(self, what: str) -> Iterator[None]:
-        """
-        Keep other threads out: two that step one world corrupt its memory.
-
-        Raises:
-            UserError: another thread is inside.
-        """
+        """Keep other threads out: two that step one world corrupt its memory."""
         if not self._lock.acquire(blocking=False):
             raise UserError(
                 f'{what}: another thread uses this robot now; call it from one at a time'

@@ -92,12 +92,7 @@ class Action(ABC):
 
     @abstractmethod
     def _begin(self, request: Any) -> None:
-        """
-        Do what a request asks for.
-
-        Raises:
-            InvalidMessage: it asks for nothing that can be driven to.
-        """
+        """Do what a request asks for; refuse what cannot be driven to."""
 
     @abstractmethod
     def _fill(self, result: Any, outcome: Outcome) -> None:

@@ -656,12 +656,7 @@ def _check_interface(arguments: argparse.Namespace, options: RunOptions) -> None
 
 
 def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
-    """
-    Refuse, before the run, an output that is also an input or another output.
-
-    Raises:
-        OutputError: which.
-    """
+    """Refuse, before the run, an output that is also an input or another output."""
     outputs = [options.record, options.report, options.save_keys]
     if options.save_map is not None:
         # Here, because few runs save a map.

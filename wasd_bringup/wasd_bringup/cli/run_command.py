@@ -129,12 +129,7 @@ class PlainHome:
 
 
 def _uses_ros(options: RunOptions, ros_arguments: Sequence[str]) -> bool:
-    """
-    Return whether a run is on ROS: where that is installed, unless it is refused.
-
-    Raises:
-        UserError: it is not, and something was asked for that needs it.
-    """
+    """Return whether a run is on ROS; refuse what needs it where it is not."""
     is_there = importlib.util.find_spec('rclpy') is not None
     if is_there and options.uses_ros:
         return True

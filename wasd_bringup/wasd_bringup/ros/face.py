@@ -122,12 +122,7 @@ class RosFace:
 
 
 def _refuse_vain(simulator: SimulatorNode) -> None:
-    """
-    Check what a simulator was given of parameters with which its robot has been built by now.
-
-    Raises:
-        UserError: one is neither what it was built with nor the default; names the option.
-    """
+    """Refuse parameters of a simulator other than those that its robot has been built with."""
 
     def said(parameters: SimulatorParameters) -> dict[str, Any]:
         untold = vars(Untold.from_parameters(parameters))

@@ -150,12 +150,7 @@ class Run:
         self._schedule()
 
     def _make_guards(self) -> 'list[RobotGuard]':
-        """
-        Return a guard of each robot, if the options ask for it.
-
-        Raises:
-            UserError: a robot has no lidar, or its controller cannot be limited.
-        """
+        """Return a guard of each robot, if the options ask for it."""
         if not self.options.guard:
             return []
         # Here, because who does not ask for it does without.
@@ -164,12 +159,7 @@ class Run:
         return [RobotGuard(robot) for robot in self.robots]
 
     def _make_navigations(self) -> 'list[NavigationDriver]':
-        """
-        Return a navigator of each robot, if the options ask for a map.
-
-        Raises:
-            UserError: a robot has no lidar, or the map cannot be read.
-        """
+        """Return a navigator of each robot, if the options ask for a map."""
         if not self.options.navigates:
             return []
         # Here, because who does not ask for it does without.
@@ -183,12 +173,7 @@ class Run:
         return made
 
     def _make_interfaces(self) -> 'list[UnitreeDriver]':
-        """
-        Return Unitree's interface of each robot with legs, where it was asked for.
-
-        Raises:
-            UserError: its domain cannot be joined.
-        """
+        """Return Unitree's interface of each robot with legs, where it was asked for."""
         if self.options.interface is None:
             return []
         # Here, because who does not ask for it does without.

@@ -104,12 +104,7 @@ class BagReader:
 
 
 def _open(path: Path) -> BinaryIO:
-    """
-    Open a file that may be a recording.
-
-    Raises:
-        RecordingError: there is none, or it is empty or no file.
-    """
+    """Open a file that may be a recording; refuse one that is empty or no file."""
     try:
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise RecordingError(f'{path}: is a device or pipe, wanted a file')

@@ -269,12 +269,7 @@ def _drive(
 
 
 def _descriptions(bag: BagReader) -> dict[str, str]:
-    """
-    Return the URDF of each robot by its namespace.
-
-    Raises:
-        RecordingError: there is none.
-    """
+    """Return the URDF of each robot by its namespace; refuse a recording without any."""
     found = {}
     topics = robot_topics(bag, DESCRIPTION)
     for message in bag.messages(topics.values()):
