@@ -159,6 +159,18 @@ def test_commands_reach_the_network_by_ramps_and_end_when_nobody_repeats_them(pl
 
 
 @pytest.mark.slow
+def test_a_velocity_that_is_lost_while_it_settles_never_drives(dog):
+    dog.press('p')
+    dog.run(0.05)
+    legs, asked = dog._robot.legs.controller, []
+    assert legs.set_velocity(1.0, 0.0, 0.0) is None
+    for _ in range(16):
+        dog.run(0.1)
+        asked.append(legs.command_filter.command)
+    np.testing.assert_array_equal(asked, 0.0)
+
+
+@pytest.mark.slow
 def test_a_command_that_is_not_followed_is_told_once_with_its_range(playing, monkeypatch):
     said = []
     ranges = ((-0.5, 1.0), (-0.3, 0.3), (-0.2, 0.2))

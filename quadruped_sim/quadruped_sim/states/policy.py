@@ -12,7 +12,13 @@ from wasd_core.timing import ROUNDING
 
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.driving import ControllerParts, smooth, stiff_command, Trotting
+from quadruped_sim.states.driving import (
+    AfterTrot,
+    ControllerParts,
+    smooth,
+    stiff_command,
+    Trotting,
+)
 
 # From the stand to the pose in which a walker begins [s].
 SETTLE_TIME = 1.0
@@ -85,11 +91,12 @@ def _write_senses(
         out[3 + count + n] = turns[0, j] * own.joint_velocity[j]
 
 
-class Policy(Trotting):
+class Policy(AfterTrot, Trotting):
     """
     The walker drives the legs; sticks and velocity commands drive the walker.
 
-    It begins in its own pose. It knows what a robot knows: joints, IMU, estimated velocity.
+    It begins at rest, in its own pose. It knows what a robot knows: joints, IMU, estimated
+    velocity.
     """
 
     def __init__(self, parts: ControllerParts, walker: Walker) -> None:
@@ -124,15 +131,13 @@ class Policy(Trotting):
         """Why the walker cannot go on."""
         return self._walker.failure or None
 
-    def enter(self, robot: RobotState) -> None:
-        """Go to the walker's pose first; the command starts at zero."""
-        self.trust = np.ones(4)
-        self._parts.command_filter.reset()
-        self._parts.locomotion.gait.reset()
+    def _rest(self, robot: RobotState) -> None:
+        """Go to the walker's pose first; the command starts at zero once no trot needs it."""
+        super()._rest(robot)
+        if not self._parts.locomotion.gait.is_stepping:
+            self._parts.command_filter.reset()
         self._walker.reset()
         self._default = self._sign * self._walker.default[self._ours] + self._zero
-        self._start = robot.joint_position.copy()
-        self._time = 0.0
         self._held: JointCommand | None = None
         self._waited = 0.0  # since the walker's last step [s]
         self._used_sticks = False
@@ -151,10 +156,15 @@ class Policy(Trotting):
     def _walker_due_after(self) -> float:
         return getattr(self._walker, 'due_after', 0.0)
 
-    def step(self, robot: RobotState, dt: float) -> JointCommand:
+    @property
+    def _may_step(self) -> bool:
+        return False
+
+    def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
         """Go to the pose, or let the walker walk."""
         self._time += dt
         if self._time < SETTLE_TIME:
+            self._parts.command_filter.step(dt, may_go=False)  # a request gets older
             share = smooth(self._time / SETTLE_TIME)
             pose = self._start + share * (self._default - self._start)
             return stiff_command(self._parts.model, pose)
