@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from wasd_core.errors import UserError
+from wasd_core.parameters import numeric_ends
 from wasd_core.robot_io import BaseOdometry, BaseState, ImuReading, JointCommand, Reading
 
 from quadruped_sim.algebra import plain
@@ -48,11 +49,13 @@ from quadruped_sim.states.exercises import BalanceTest, StepTest, SwingTest
 from quadruped_sim.states.jump import highest, Jump
 from quadruped_sim.states.lying import GetUp, LieDown, obstacle
 from quadruped_sim.states.policy import Policy, Walker
+from quadruped_sim.tuning import JumpParameters
 
 _UP = np.array((0.0, 0.0, 1.0))
 _NO_FOOT = np.zeros(4)
-# What is told who presses p without a policy.
+# What is told who presses p without a policy, and v on a robot that can hardly lift itself.
 NO_POLICY = 'start with --policy FILE (there is no policy to play)'
+NO_JUMP = 'motors too weak or too slow to jump'
 # States that need no fresh readings, and keys that lead to them.
 _HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
 _HELD_KEYS = '127'
@@ -138,6 +141,8 @@ class LegController:
         self._robot_bytes = self._robot.flat.view(np.uint8)
         self._last_sound = self._robot_bytes.copy()
         self._measured = np.empty((3, 3))  # from base axes to the world's, as the IMU says
+        least, _ = numeric_ends(JumpParameters.__dataclass_fields__['height'])
+        self._can_jump = highest(model) >= least * scale.of('m')
         self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
         self._eyes, self._terrain = False, None  # type: tuple[bool, Elevation | None]
         self.reset()
@@ -215,7 +220,8 @@ class LegController:
         asked, able = self._params.jump.height, highest(self.model)
         if asked <= able:
             return notes
-        return (*notes, f'motors allow jumps of {able:.2g} m, not {asked:.2g} m; lowered')
+        lowered = f'motors allow jumps of {able:.2g} m, not {asked:.2g} m; lowered'
+        return (*notes, lowered if self._can_jump else NO_JUMP)
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""
@@ -230,6 +236,8 @@ class LegController:
         self._load.reset()
         self.locomotion.forget_grip()
         self.locomotion.sight.reset()
+        self.locomotion.step_height.reset()
+        self.locomotion.ground.reset(np.zeros((4, 3)))
         self._is_started = False
         self._is_down = False  # lies on something else than its feet, and has since it fell
         self.robot: RobotState | None = None
@@ -295,6 +303,8 @@ class LegController:
         state, meant = self._machine.coming, self._meaning(key)
         if STATE_KEYS[meant] is StateName.POLICY and not self.has_policy:
             return NO_POLICY
+        if STATE_KEYS[meant] is StateName.JUMP and not self._can_jump:
+            return NO_JUMP
         if self.hindrance and meant not in _HELD_KEYS:
             return self.hindrance
         is_legal = state is not STATE_KEYS[meant] and meant in TRANSITIONS[state]
@@ -396,7 +406,8 @@ class LegController:
         self._let_go(reason)
         self._detector.reset()
         self._load.reset()
-        self._heading.reset()
+        offset = self._heading.offset
+        self._heading.reset(offset if math.isfinite(offset) else 0.0)
         self.command_filter.reset()
         self._robot_bytes[:] = self._last_sound
         robot = self._robot

@@ -411,3 +411,38 @@ def test_an_emergency_stop_is_limp_at_once_in_motion_and_in_a_squat(controller, 
     for _ in range(20):
         assert not run(controller, 1, truth=moving).kp.any()
     assert controller.state == 'passive'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('key', ['2', '7'])
+def test_a_policy_is_left_with_all_feet_in_the_air(model, walker, run, key):
+    controller = LegController(model, estimator='truth', walker=walker)
+    run(controller, 2)
+    for pressed, ticks in (('2', 3), ('p', 600), (key, 5)):
+        assert controller.press(pressed) is None
+        run(controller, ticks)
+    assert not controller.robot.is_contact.any()
+    assert controller.event is None
+    assert controller.state == {'2': 'fixed stand', '7': 'lie down'}[key]
+
+
+def test_after_a_fault_the_heading_that_was_found_is_kept(model, run):
+    controller = LegController(model)
+    run(controller, 2)
+    controller.press('2')
+    run(controller, 3)
+    controller._heading.offset = 0.5
+    run(controller, 3)
+    before = controller.robot.base.R.copy()
+    controller._kalman._estimate.x[:] = np.nan
+    run(controller, 3)
+    assert 'not finite' in controller.event
+    np.testing.assert_allclose(controller.robot.base.R, before, atol=1e-3)
+
+
+def test_reset_forgets_the_ground(controller, run):
+    legs = controller.locomotion
+    run(controller, 2)
+    legs.ground.flat['gradient'], legs.ground.flat['height'], legs.step_height.flat[0] = 0.1, 1, 1
+    controller.reset()
+    assert (legs.ground.slope, legs.ground.height, legs.step_height.roughness) == (0, 0, 0)

@@ -2,18 +2,20 @@
 """Up from any pose, gently down again, and off the ground."""
 
 from collections.abc import Callable
+from pathlib import Path
+import re
 
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world, pose_base, pose_joints, update_bodies, World
 import numpy as np
 import pytest
-from quadruped_sim.leg_controller import LegController
+from quadruped_sim.leg_controller import LegController, NO_JUMP
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from quadruped_sim.states.jump import EXTENDED, highest
 from quadruped_sim.states.lying import rolling_poses, ROLLS, stretched, swung_out, TRIES_MAX
 from quadruped_sim.tuning import JumpParameters
-from robot_description.description import load_robot
+from robot_description.description import load_robot, parse_description
 from robot_description.morphology.quadruped import FOLDED, similar_pose
 from robot_description.packages import share_directory
 from wasd_core.parameters import InvalidParameter, numeric_ends
@@ -364,6 +366,44 @@ def test_a_robot_of_slow_motors_says_how_high_it_jumps_and_jumps_no_higher():
     slow = RobotModel(load_robot(str(path)))
     notes = LegController(slow).notes
     assert f'motors allow jumps of {highest(slow):.2g} m, not 0.26 m; lowered' in notes
+
+
+def test_a_robot_that_jumps_less_high_than_asked_jumps_less_far_as_well():
+    path = ROBOTS / 'anymal_c_simple_description/urdf/anymal.urdf'
+    far = LegControllerParameters(jump=JumpParameters(distance=0.5))
+    controller = LegController(RobotModel(load_robot(str(path))), far)
+    ahead, _, flight = controller._states['jump']._take_off()
+    assert 0.0 < ahead * flight < 3.0 * highest(controller.model)
+
+
+@pytest.mark.parametrize('kind', ['weak', 'slow'])
+def test_a_robot_that_can_hardly_lift_itself_says_so_and_refuses_to_jump(kind, standing, truth):
+    path = Path(__file__).parents[1] / f'catalogue/legs/{kind}_motors.xacro'
+    controller = LegController(RobotModel(load_robot(str(path))), estimator='truth')
+    controller.step(standing, DT, truth)
+    controller.press('2')
+    for _ in range(3):
+        controller.step(standing, DT, truth)
+    assert controller.state == 'fixed stand'
+    assert controller.press('v') == NO_JUMP
+    assert NO_JUMP in controller.notes
+    assert not any('jumps of' in note for note in controller.notes)
+
+
+@pytest.mark.slow
+def test_a_robot_whose_motors_know_no_fastest_speed_jumps(urdf, standing, truth):
+    text = re.sub(r' velocity="[^"]*"', '', urdf)
+    controller = LegController(
+        RobotModel(parse_description(text, Path('robot.urdf'))), estimator='truth'
+    )
+    assert np.isinf(controller.model.limits.velocity).all()
+    for key in ' 2v':
+        controller.press(key)
+        for _ in range(3):
+            controller.step(standing, DT, truth)
+    while controller.state == 'jump':
+        controller.step(standing, DT, truth)
+    assert (controller.state, controller.event) == ('fixed stand', None)
 
 
 @pytest.fixture(scope='module')

@@ -39,9 +39,9 @@ class Heading:
         self.params, self._still = params, STILL * size
         self.reset()
 
-    def reset(self) -> None:
-        """Believe the IMU."""
-        self.offset = 0.0
+    def reset(self, offset: float = 0.0) -> None:
+        """Believe the IMU, but for an `offset` that is known [rad]."""
+        self.offset = offset
         self.bias = 0.0
         self._variance = self.params.gyro_bias**2  # of the bias
         self.variance = self._tie = 0.0  # of the offset [rad^2], and its covariance with the bias

@@ -276,7 +276,7 @@ class AfterTrot(State):
         """Step in place until feet and base are where they rest well."""
         feet = robot.feet.copy()
         in_air = self.trust <= 0.5
-        feet[in_air, 2] = feet[~in_air, 2].mean()
+        feet[in_air, 2] = feet[:, 2].min() if in_air.all() else feet[~in_air, 2].mean()
         self._parts.command_filter.reset()
         self._parts.locomotion.reset(robot, feet)
         self._parts.locomotion.gait.start()
