@@ -57,8 +57,8 @@ def read_given(node: Node, file: ControllerFile | None = None) -> ControllerFile
     """
     Read the file that the parameter `controller` names, if any, unless its content is given.
 
-    What ROS was given comes before the file, under the names of this node. What means nothing
-    here is said once, and taken out: what stays is declared.
+    ROS' parameters come before the file, under the names of this node. Parameters without a
+    meaning here are said once, and taken out; the others are declared.
 
     Raises:
         InvalidParameter: what is wrong with the file, with its line.

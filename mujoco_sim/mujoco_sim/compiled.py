@@ -10,7 +10,7 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import FULL_TORQUE_SHARE, ImuReading, JointStates, Reading
 
-# So many numbers are errors of an IMU: biases of gyro and accelerometer, and of the heading.
+# How many errors an IMU has: biases of gyro and accelerometer, and the heading's.
 ERRORS = 7
 
 
@@ -128,10 +128,10 @@ class TorqueSpeedCurve:
 
     def follower(self, *memory: np.ndarray) -> Callable[[], None]:
         """
-        Return what writes `limits` (n, 2) of motors that turn at `velocity[motors]`.
+        Return a function that writes `limits` (n, 2) of motors that turn at `velocity[motors]`.
 
         It raises `peak` (n,) to the size of their `effort` (n,). `memory` are velocity, motors,
-        limits, effort and peak, which are bound because a call takes less time so.
+        limits, effort and peak: bound arguments make a call faster.
         """
         return partial(_follow, self._curve, *memory)
 

@@ -77,9 +77,9 @@ def find_start(plan: MapPicture) -> np.ndarray:
 
 def _clear(is_taken: np.ndarray, reach: int, outside: bool = True) -> np.ndarray:
     """
-    Return which cells have nothing that is taken up to so many cells around, bool.
+    Return which cells have no taken cell within `reach` cells around them, bool.
 
-    `outside` is whether what is beyond the edge is taken.
+    `outside` is whether cells beyond the edge are taken.
     """
     padded = np.pad(is_taken, reach + 1, constant_values=outside)
     sums = padded.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)

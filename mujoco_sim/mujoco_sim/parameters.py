@@ -23,7 +23,7 @@ WORLD_KINDS = (
 FRICTION = (0.01, 2.0)
 # The most that a robot is loaded with [kg]. A Go2 carries 8, at most 12; others here weigh more.
 HEAVIEST = 100.0
-# How often others' controllers are told the state [Hz], and those who only watch.
+# Rates of joint_states [Hz]: for controllers in other processes, and (SHOWN_RATE) for watchers.
 STATE_RATE = 100.0
 # Lidars by name: as the tag says, all rays of one instant, or a planar one that is sold.
 HONEST, IDEAL = 'honest', 'ideal'

@@ -186,7 +186,7 @@ def _set_friction(spec: mujoco.MjSpec, feet: Sequence[str], friction: float) -> 
 
 
 def _add_payload(base: mujoco.MjsBody, payload: Payload) -> None:
-    """Weld a cube of the payload's mass to the base; it is to be seen and touches nothing."""
+    """Weld a cube of the payload's mass to the base; it is visible and touches nothing."""
     edge = (payload.mass / PAYLOAD_DENSITY) ** (1.0 / 3.0)
     load = base.add_body(pos=payload.place)  # a link may have any name, also `payload`
     load.explicitinertial = True

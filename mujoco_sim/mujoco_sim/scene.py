@@ -276,7 +276,7 @@ def lead_sun(spec: mujoco.MjSpec, body: str) -> None:
         _add_sun(spec.body(body)).mode = mujoco.mjtCamLight.mjCAMLIGHT_TRACK
 
 
-# How MuJoCo knows what a file is.
+# MuJoCo tells the kind of a file by its ending.
 WORLD_FILES = ('.xml', '.urdf')
 
 

@@ -51,9 +51,9 @@ class SimulatorNode(Node):
     """
     Publishes a World, takes joint commands for it, offers reset, pause and step.
 
-    With a `simulation` and `sensors` that it is given, who made them steps them, and a controller
-    lives in the same process; `joint_commands` is then not subscribed to. Several robots in one
-    model have a node each, with the world's prefix as namespace and before frames; that of the
+    A given `simulation` and `sensors` are stepped by their owner; the controller is in the same
+    process, and the node does not subscribe to `joint_commands`. Several robots in one model have
+    a node each, with the world's prefix as namespace and before frames; the node of the
     simulation's own world has the clock.
     """
 
@@ -129,7 +129,7 @@ class SimulatorNode(Node):
             self._hoist = hoist
 
     def _usual_rate(self, is_alone: bool) -> float:
-        """Return how often the state is published [Hz]; what nobody has said, the robot says."""
+        """Return how often the state is published [Hz]; unless set, the robot's own rate."""
         if not math.isnan(self.settings.state_rate):
             return self.settings.state_rate
         if not is_alone:

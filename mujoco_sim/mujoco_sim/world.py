@@ -52,8 +52,8 @@ _DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.m
 # How these begin; `Physics.step` says it in words of its own.
 _UNSTABLE = 'Nan, Inf or huge value'
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-# Where no body has more geoms, trees of what bounds them take longer than they save: a twentieth
-# of a step. Contacts are the same, perhaps in another order.
+# If no body has more geoms, trees of their bounds take longer than they save: a twentieth of a
+# step. Contacts are the same, perhaps in another order.
 _NO_TREES, _FEW_GEOMS = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE), 8
 
 
@@ -231,8 +231,8 @@ class Actuation:
         """
         Apply a world-frame force [N] and torque [N m], shape (6,), at a body's centre of mass.
 
-        From now on, in place of the last wrench given here, and in addition to all pushes; a
-        reset ends it. It has to be finite.
+        It replaces the last wrench given here, adds to all pushes, and ends at a reset. It must
+        be finite.
         """
         self._data.xfrc_applied[self._hung] = 0.0
         self._hung, self._wrench = body, wrench
@@ -385,7 +385,7 @@ class Physics:
     def _step_each(
         self, count: int, lengths: list[float], follow: list[Callable[[], None]]
     ) -> None:
-        """Let MuJoCo take steps, of `lengths` [s] if any are told, and do what follows each."""
+        """Let MuJoCo take steps, of `lengths` [s] if given, and do the work after each step."""
         model, data, step = self.model, self.data, mujoco.mj_step
         if not (lengths or follow):
             step(model, data, count)
@@ -546,8 +546,8 @@ class World:
         Apply a world-frame force [N], shape (3,), to the root, so long [s].
 
         It acts at a point of the root's frame [m], shape (3,), and moves with it; without one at
-        the centre of mass. It adds to the pushes in force. Return if it was taken: what is not
-        finite is not.
+        the centre of mass. It adds to the pushes in force. Return if it was taken: it must be
+        finite.
         """
         vector = np.array(force, dtype=float)
         arm = None if point is None else np.array(point, dtype=float)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loads the network that walks, where there is one."""
+"""Loads the network that walks, if there is one."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ def load_policy(path: str | None, config: str | None) -> Any:
     """
     Return the `Player` of a network's file, or of its name; None without one.
 
-    `config` is the file, or the preset, that says how it was trained, None where it does itself.
+    `config` is the file or preset that says how it was trained; None if the network says it.
 
     Raises:
         UserError: why it cannot be played, in one line.

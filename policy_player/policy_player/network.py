@@ -136,5 +136,5 @@ class LayeredNetwork:
         return np.asarray(x, np.float32)
 
 
-# A function of an observation (takes,) to an action (gives,), float32.
+# Maps an observation (takes,) to an action (gives,), float32.
 Network = OnnxNetwork | LayeredNetwork

@@ -123,7 +123,7 @@ def _parts(message: bytes, *numbers: int) -> Iterator[bytes]:
 
 
 def _fields(message: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield each field of a message that has bytes: its number and these."""
+    """Yield the number and the bytes of each field of a message that has bytes."""
     at, end = 0, len(message)
     while at < end:
         key, at = _varint(message, at)

@@ -207,7 +207,7 @@ def _layers(chain: Module, files: dict[str, bytes]) -> list[Layer]:
 
 
 def _check_code(root: Module, files: dict[str, bytes]) -> None:
-    """Check that the outermost module only hands on from one of its modules to the next."""
+    """Check that the outermost module only passes data from one of its modules to the next."""
     path = 'code/' + root.kind.rpartition('.')[0].replace('.', '/') + '.py'
     code = files.get(path, b'').decode(errors='replace')
     found = re.search(

@@ -17,9 +17,9 @@ _T = TypeVar('_T', bound=tuple[Any, ...])
 Three = tuple[float, float, float]
 # One object for each layout: numba compares those of equal records field by field, at each call.
 _LAYOUTS: dict[np.dtype[Any], np.dtype[Any]] = {}
-# A NamedTuple as the tuple that it is, for a call of a compiled function from Python: numba takes
-# 10 us to see what a NamedTuple holds, and one for a tuple. The function names the fields again,
-# at no cost: `base = BaseMotion(*base)`.
+# Turns a NamedTuple into a tuple, for a call of a compiled function from Python: numba takes 10 us
+# to unpack a NamedTuple, 1 us for a tuple. The function names the fields again, at no cost:
+# `base = BaseMotion(*base)`.
 plain = cast('Callable[[_T], _T]', tuple)
 
 
@@ -37,7 +37,7 @@ def flatten(record: Any) -> np.ndarray:
 
 def _parts(record: Any) -> Any:
     parts = record if isinstance(record, Mapping) else record._asdict()
-    # A block has no text.
+    # A block holds no texts.
     return [(name, part) for name, part in parts.items() if not isinstance(part, str)]
 
 

@@ -110,7 +110,7 @@ def warm_up(model: RobotModel) -> None:
         controller.press(key)
         for _ in range(30):
             controller.step(standing, 0.002)
-    # Until here it stood on all feet in trotting, too; what steps calls other functions.
+    # Until here it stood on all feet, also in trotting; stepping calls other functions.
     controller.tune(LegControllerParameters(gait=GaitParameters(step_in_place=True)))
     # A map that knows something is looked at.
     terrain = Elevation()

@@ -16,7 +16,7 @@ MOST_VOTES = 10.0
 LEAST_VARIANCE = 1e-6
 # By how much odometry's height drifts in a second, as a variance [m^2/s]: 1.7 cm in 14 s.
 DRIFT = 2e-5
-# So many points, no farther above or below what is known, tell how odometry's height drifts [m].
+# The drift of odometry's height needs so many points, at most so far off the known heights [m].
 FEWEST, FARTHEST_OFF = 100, 0.04
 # A ray that passes BELOW [m] under the height of a cell, within PASSED [m] of its end, votes
 # against that height. A height that wins by such votes has the variance CLEARED [m^2].
@@ -32,8 +32,8 @@ class Elevation:
 
     A cell has the mean and the variance of its height by a Kalman filter. A point beyond the
     gate does not move it: it votes for a rival, which takes the cell when it has the more votes.
-    So heights of both sides of an edge are not mixed, and what has moved is seen after some
-    points. The cells are a ring buffer: one that is left behind is forgotten, no other is moved.
+    So the heights of both sides of an edge do not mix, and a moved object shows after some
+    points. The cells are a ring buffer: a cell left behind is forgotten, no other moves.
     """
 
     def __init__(self, resolution: float = RESOLUTION, size: float = SIZE) -> None:

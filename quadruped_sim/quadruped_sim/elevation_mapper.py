@@ -25,8 +25,8 @@ class ElevationMapper:
     """
     Maps from clouds and odometry, in simulated time; `elevation` is in odometry's frame.
 
-    Its heights are as odometry has them now: where a whole cloud is above or below what is known,
-    as on a slope that odometry gets wrong by a few percent, what is known is moved, too.
+    Its heights follow odometry: if a whole cloud is above or below the map, as on a slope that
+    odometry gets wrong by a few percent, the map moves to the cloud.
     """
 
     def __init__(self, mount: Pose) -> None:

@@ -36,7 +36,7 @@ def height_scan(heights: Heights, position: np.ndarray, yaw: float) -> np.ndarra
     Return how far the base is above the ground at `scan_places`, less `OFFSET`, (187,) [m].
 
     `heights` tells the ground in the frame of the base's position (3,) [m]: `Elevation.at`, or
-    the true one of a simulator. Where that knows nothing a value is NaN.
+    the true one of a simulator. Unknown values are NaN.
     """
     x, y = scan_places(position, yaw).T
     return np.asarray(position[2] - heights(x, y) - OFFSET)
@@ -48,7 +48,7 @@ def known_scan(
     """
     Return the height scan (187,) [m] of a base at a position (3,) and orientation (w, x, y, z).
 
-    Where `heights` know nothing the ground is taken as level, `height` [m] below the base.
+    Unknown ground counts as level, `height` [m] below the base.
     """
     yaw = yaw_of(orientation)
     seen = height_scan(heights, position, yaw)

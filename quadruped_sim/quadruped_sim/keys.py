@@ -239,7 +239,7 @@ _EFFECTS = {
         ('ry', -1): 'front right foot down',
     },
 }
-# Of a key's name, what is repeated.
+# Answers repeat a key's name up to this length.
 LONGEST_NAME = 20
 # The sticks that drive a trot.
 _DRIVING = ('lx', 'ly', 'rx')
@@ -312,7 +312,7 @@ class KeyWords:
         if state is StateName.MOVE_BASE or key in ZERO_KEYS:
             if state in _USING_STICKS:
                 return 'sticks centred'
-            # Nobody pressed STOP who could be told what to press.
+            # Nobody presses STOP by hand: no answer.
             return None if key == STOP_KEY else self._to_drive(state, key)
         axis, direction = STICK_KEYS[key.lower()]
         name = self._called(key)
@@ -328,7 +328,7 @@ class KeyWords:
         return f'{name}: {effect}{end} (to drive: {cure})'
 
     def to_other(self, state: StateName, key: str) -> str | None:
-        """Return what to tell of a key that is none of ours; None where it does something."""
+        """Return the answer to any other key; None if it has an effect."""
         if key in self.elsewhere or key in ARROWS:
             if state is not self.drive:
                 return self._to_drive(state, key)

@@ -53,7 +53,7 @@ from quadruped_sim.tuning import JumpParameters
 
 _UP = np.array((0.0, 0.0, 1.0))
 _NO_FOOT = np.zeros(4)
-# What is told who presses p without a policy, and v on a robot that can hardly lift itself.
+# Answers to the key p without a policy, and to v on a robot that can hardly lift itself.
 NO_POLICY = 'start with --policy FILE (there is no policy to play)'
 NO_JUMP = 'motors too weak or too slow to jump'
 # States that need no fresh readings, and keys that lead to them.
@@ -245,7 +245,7 @@ class LegController:
         self.is_fallen = False  # whether it lies on its side or back, or has since it stood
         self.event: str | None = None
         self._odometry: BaseOdometry | None = None
-        # What a state asked the motors for last, and what is left of that: None if not finite.
+        # The last state's command, and the same within the limits: None if not finite.
         self._wanted: JointCommand | None = None
         self._command: JointCommand | None = None
 
@@ -275,7 +275,7 @@ class LegController:
         return self._odometry
 
     def press(self, key: str) -> str | None:
-        """Take a key; a text for the driver when it does nothing, or not what one expects."""
+        """Take a key; return a text for the driver if it has no effect, or another one."""
         if key in STATE_KEYS and (key.isdigit() or key not in self.words.elsewhere):
             refusal = self.refusal(key)
             if not refusal:
@@ -297,7 +297,7 @@ class LegController:
         return self.words.to_stick(state, key, has_moved=self.sticks.values != before)
 
     def refusal(self, key: str) -> str:
-        """Return what to tell of a state's key that does nothing now, '' of one that does."""
+        """Return why a state's key does nothing now; '' if it does something."""
         if self._lies_fallen and (self.obstacle or key not in GET_UP_KEYS) and key != '1':
             return self.words.to_fallen(self.obstacle)
         state, meant = self._machine.coming, self._meaning(key)

@@ -53,8 +53,8 @@ class LegControllerNode(Node):
     """
     The face of a quadruped's legs: keys, cmd_vel and parameters in, odom, /tf and state out.
 
-    Legs that it is given are stepped by who made them, who also calls `publish`, and may put
-    another receiver in place of `cmd_vel.on_velocity`. Alone, it makes legs by its parameters,
+    The owner of given legs steps them, calls `publish`, and may put another receiver in place of
+    `cmd_vel.on_velocity`. Alone, it makes legs by its parameters,
     steps them at each `joint_states` with the `imu/data` of the same stamp, and publishes
     `joint_commands`.
     """
@@ -170,7 +170,7 @@ class LegControllerNode(Node):
         return True
 
     def _on_return(self, gap: float) -> None:
-        """Begin without a velocity after this process stood still: nobody knows who wants it."""
+        """Begin without a velocity after this process stood still: the old one is out of date."""
         # Where somebody else steps, robot and process stood still together.
         if self.readings is not None and self.legs.forget_velocity():
             self.get_logger().warning(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')

@@ -119,7 +119,7 @@ class Legs:
     def command(self, vx: float, vy: float, wz: float) -> None:
         """Take a velocity for the state move base [m/s], [m/s], [rad/s]."""
         refusal = self.controller.set_velocity(vx, vy, wz)
-        # Once: commands come twenty times a second, and keys are to have their say, too.
+        # Once: commands come twenty times a second, and would hide the answers to keys.
         if refusal is not None and refusal != self._refusal:
             self.say(refusal)
         self._refusal = refusal

@@ -40,7 +40,7 @@ WEIGHT_UNITS = {
     'acceleration_weights': ('s^4/m^2',) * 3 + ('s^4/rad^2',) * 3,
     'force_weight': ('1/N^2',),
 }
-# Of the friction that the feet have: what forces may use, and what speeding up may.
+# Shares of the feet's friction: for forces, and for speeding up.
 FRICTION_SHARE = 0.8
 ACCELERATION_SHARE = 0.4
 # Motors of less than this share of the Go2's speed have not the time to lift feet as high: at full
@@ -50,7 +50,7 @@ LIFT_SHARE = 0.5
 # late, which is the most that the simulator allows; and the physics'.
 RATES = (300.0, 1000.0)
 NAME = 'leg_controller'
-# What belongs to the one who drives or to the wire, not to the body.
+# Parameters of the driver or the wire, not of the body.
 NOT_SCALED = {'timeout'}
 
 Group = TypeVar('Group', bound=Parameters)

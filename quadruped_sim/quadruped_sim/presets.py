@@ -28,9 +28,10 @@ LIMITS = {
 
 class GaitRow(NamedTuple):
     """
-    How far ahead of FL each foot begins to stand, FL FR RL RR, and what else differs from a trot.
+    A gait: how it differs from a trot.
 
-    `offsets` are shares of the period, `period` is that of a trot's, `longer` the share of it that
+    `offsets` say how far ahead of FL each foot begins to stand, FL FR RL RR, in shares of the
+    period, `period` is that of a trot's, `longer` the share of it that
     a foot stands beyond what the parameters say, `footprint` the length and width between the
     feet as shares of those between the hips. The command is kept within `limits`, each by itself,
     and within the ellipsoid `able`, all at once: half axes ahead, sideways [m/s], turning [rad/s],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot as it is in one tick, and what of it is told as odometry."""
+"""The state of the robot in one tick, and its odometry."""
 
 from dataclasses import dataclass, field, fields
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the compiled stages of a tick go by."""
+"""The numbers that the compiled stages of a tick read."""
 
 from dataclasses import fields
 import math

@@ -109,7 +109,7 @@ class Safety:
         """
         Command with efforts inside the motors' limits; None instead of one with NaN.
 
-        It is not to be written into: who gets the same one again knows that nothing has changed.
+        Do not write into it: the same object again means that nothing has changed.
         """
         parts = np.concatenate(command).reshape(5, -1)
         if not _limit(parts, self._limits.effort):

@@ -16,7 +16,7 @@ GREY = (0.7, 0.7, 0.7, 1.0)
 MOVABLE = ('revolute', 'continuous', 'prismatic')
 # What has stops at both ends.
 LIMITED = ('revolute', 'prismatic')
-# By such a joint a robot hangs on a world that lets it go.
+# Joints on which a robot moves freely in its world.
 LOOSE = ('floating', 'planar')
 JOINT_KINDS = (*MOVABLE, 'fixed', *LOOSE)
 # A root link of this name is no part of the robot: what hangs on it does not float.
@@ -185,7 +185,7 @@ class Robot:
 
     @property
     def moving_link(self) -> str:
-        """The link that is where the robot is: the base where a world lets it go, or the root."""
+        """The link that moves with the robot: the base if it floats in a world, else the root."""
         joint = self.parent_joints.get(self.base)
         return self.base if joint is not None and joint.kind in LOOSE else self.root
 

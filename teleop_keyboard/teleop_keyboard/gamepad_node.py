@@ -104,7 +104,7 @@ class GamepadNode(Node):
             self._welcome()
         self._was_disarmed = False
         for state in told.states:
-            # What the pad told before it was let go drives no more.
+            # States from before a disarm do not drive.
             if not self._was_disarmed:
                 self._tell(state)
         if told.is_lost:
@@ -188,12 +188,12 @@ class GamepadNode(Node):
     def _tell(self, state: JoyState) -> None:
         message = to_joy(state, self.get_clock().now().to_msg())
         self.joy.expect(message)
-        self._joy.publish(message)  # first: a key may let go of the pad, which is told, too
+        self._joy.publish(message)  # first: a key may disarm the pad, which publishes, too
         self._on_joy(message)
 
     def _on_joy(self, message: Joy) -> None:
         state = from_joy(message)
-        # Before the keys: what one of them stops is to stand.
+        # Before the keys: a key that stops the robot comes last.
         velocity = self.logic.step(state)
         if velocity is not None:
             self._output.drive(velocity)

@@ -68,8 +68,8 @@ class KeyPublisherNode(Node):
         """
         Write every key to a script, in seconds of this node's clock from now on.
 
-        Simulated time that nobody has told yet counts from the first key with a time. Time that
-        jumps back goes on from the key before.
+        If no simulated time is known yet, it counts from the first key with a time. After a jump
+        back, time goes on from the key before.
         """
         writer, script_time, last = KeyScriptWriter(file), 0, self.get_clock().now()
 
@@ -194,7 +194,7 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
     while rclpy.ok() and not (stop.requested or reader.closed):
         with reader.undisturbed():
             keys = reader.poll(POLL_PERIOD)
-            # Simulated time, too, which is to be that of the keys.
+            # Messages of /clock, too: keys get the time of now.
             if keys or time.monotonic() >= next_service:
                 executor.handle()
                 next_service = time.monotonic() + SERVICE_PERIOD
@@ -217,7 +217,7 @@ def _publish(args: Sequence[str] | None, stop: StopSignals) -> None:
                 raise UserError('--save-keys saves names of keys: leave out raw:=true')
             node.save_to(file)
         if reader.terminal is not None:
-            # Suspended, it would not tell what is released.
+            # While it is suspended, it cannot publish releases.
             reader.terminal.before_suspend += [lambda: node.publish_key(STOP_KEY), node.close]
         reader.allow_bursts()
         if node.raw:

@@ -112,7 +112,7 @@ class KeyReader:
 
     @property
     def keys_can_wait(self) -> bool:
-        """Whether there are keys of a pipe, or none can come but from there: nobody holds them."""
+        """Whether the next keys are from a pipe: nobody holds them down."""
         return self.terminal is None or (self.pipe is not None and self.pipe.has_bytes)
 
     def __enter__(self) -> Self:

@@ -27,8 +27,8 @@ class KeysToTwistNode(Node):
     Subscribes to `keys` and publishes `cmd_vel`, with a preset and its ramps.
 
     Alone it makes its logic by the parameters, and steps itself with a timer on its own clock
-    (simulated time, if so set). Who gives it a `logic`, to which all parameters but preset and
-    layout are applied, steps that, by `step` or by itself.
+    (simulated time, if so set). A given `logic` takes all parameters but preset and layout; its
+    owner steps it, or calls `step`.
 
     Raises:
         InvalidParameter: when a parameter or the preset is not valid.

@@ -76,7 +76,7 @@ class Source:
 
     @property
     def has_bytes(self) -> bool:
-        """Whether there is something to read; the end is nothing."""
+        """Whether there are bytes to read; the end of input has none."""
         count = array('i', [0])
         fcntl.ioctl(self._descriptor, termios.FIONREAD, count)
         return count[0] > 0

@@ -62,9 +62,9 @@ def test_a_velocity_on_cmd_vel_passes_nine_files_to_wheels_and_odometry(ros):
     run.close()
 
 
-def test_a_largest_velocity_passes_seven_files_to_the_ramp(tmp_path):
+def test_a_largest_velocity_passes_eight_files_to_the_ramp(tmp_path):
     files = named("Files of a `max_velocity` of mbot's controller file to the ramp: ")
-    assert len(files) == 6  # two are called parameters.py
+    assert len(files) == 7  # two are called parameters.py
     path = tmp_path / 'drive.yaml'
     path.write_text('linear.x.max_velocity: 0.123')
 

@@ -116,7 +116,7 @@ def number(parameters: Parameters, name: str) -> float:
 
 
 def flag(parameters: Parameters, name: str) -> bool:
-    """Return a truth of a request: true, false, 1 or 0; or raise Refused."""
+    """Return a yes or no of a request: true, false, 1 or 0; or raise Refused."""
     value = parameters.get(name)
     if value not in (True, False):
         raise Refused(BAD_PARAMETER)

@@ -50,7 +50,7 @@ class Robot:
             robot.log.warning(note)
         robot.prepare()
         self._velocity: Velocity | None = None
-        self._part_of_a_step = 0.0  # that `run` has yet to simulate, of a time step
+        self._part_of_a_step = 0.0  # that `run` has yet to simulate, in time steps
         robot.on_e_stop = self._e_stop
         self._world, self._simulation = robot.world, robot.simulation
         # What holds a velocity is the step of the controller alone.
@@ -84,7 +84,7 @@ class Robot:
         """
         Simulate a time [s], as fast as possible; with a window, in real time.
 
-        It is a whole number of time steps; what is left of one is added to the next call.
+        It takes whole time steps; the next call adds the rest of one.
 
         Raises:
             UserError: the time is negative or longer than a run can be.
@@ -271,8 +271,8 @@ class Go2(Robot):
         Press a key of the Go2: a state (0 to 9, v, p), a stick (w a s d j l i k, space), a gait
         (n, N), e, which opens and shuts its eyes, or ESC, the E-STOP.
 
-        Return what the status line would say to it, if anything: a key that does nothing in this
-        state says what to press, and that of the present state that it is there already.
+        Return the answer of the status line, if any: for a key without effect, what to press
+        instead; for the key of the present state, that the robot is in it already.
 
         Raises:
             UserError: the state cannot follow the present one, and what to press; or no text.
@@ -368,7 +368,7 @@ class G1(Robot):
                 raise UserError(f'press: got {key!r}, wanted {", ".join(refusals)}')
             if refusals[key]:
                 raise UserError(refusals[key])
-            if key in STATE_KEYS:  # the hoist's leaves it in force
+            if key in STATE_KEYS:  # the hoist's key keeps it
                 self._velocity = None
             self._robot.press_state(key)
 

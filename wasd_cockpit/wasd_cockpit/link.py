@@ -371,7 +371,7 @@ class Link:
 
     @property
     def has_stick(self) -> bool:
-        """Whether the page held the stick when it was last heard, however long ago."""
+        """Whether the page held the stick in its last message, however old."""
         return self._held.stick is not None
 
     @property

@@ -40,7 +40,7 @@ def rgba(rgb: Rgb, alpha: float = 1.0) -> tuple[float, float, float, float]:
 
 
 def flags(kind: Any, *names: str) -> int:
-    """Return flags of a kind of ImGui's or ImPlot's, all at once."""
+    """Return the sum of named flags of an enumeration of ImGui or ImPlot."""
     return sum(int(getattr(kind, name).value) for name in names)
 
 

@@ -94,7 +94,7 @@ class Widgets:
         self.rects = self._next
 
     def note(self, name: str) -> Rect:
-        """Remember and return where the last widget is; `text ...` names what none presses."""
+        """Remember and return where the last widget is; `text ...` names one without an action."""
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         self._next[name] = rect = Rect(low.x, low.y, high.x, high.y)
         return rect

@@ -85,7 +85,7 @@ class Feeds:
         self.hindrance = ''
 
     def take(self, topic: str, stamp: float) -> None:
-        """Take the stamp of a reading of a topic [s], which may be one that is not needed."""
+        """Take the stamp of a reading [s]; ignore a topic that is not needed."""
         if topic in self.by_topic:
             self.by_topic[topic].take(stamp)
 

@@ -167,7 +167,7 @@ def _cells(
     thresholds: tuple[float, float] = (FREE_THRESHOLD, OCCUPIED_THRESHOLD),
     mode: str = 'trinary',
 ) -> np.ndarray:
-    """Return the cells of how occupied pixels are, shape (rows, columns)."""
+    """Return a map's cells from the occupied shares of its pixels, shape (rows, columns)."""
     free, occupied = thresholds
     if min(shares.shape) < FEWEST:
         rows, columns = shares.shape

@@ -19,7 +19,7 @@ from wasd_core.errors import InvalidMessage
 from wasd_core.robot_io import BaseOdometry, BaseState, ImuReading, JointCommand, JointStates
 from wasd_core.rotations import Pose, rotate_inverse, to_quaternion
 
-# What PointCloud2 calls numpy's types.
+# PointCloud2's constants for numpy's types.
 CLOUD_TYPES = {
     '<f4': PointField.FLOAT32,
     '<u2': PointField.UINT16,
@@ -79,7 +79,7 @@ def to_diagnostics(
 
 
 def to_cloud(points: np.ndarray, header: Header, is_dense: bool = True) -> PointCloud2:
-    """Return an array (rows, columns) of points, whose fields are of a type in CLOUD_TYPES."""
+    """Return points (rows, columns), whose fields have types of CLOUD_TYPES, as a message."""
     described = points.dtype.fields
     assert described is not None
     rows, columns = points.shape

@@ -57,7 +57,7 @@ def explain_ros_errors() -> Iterator[None]:
     Context in which ROS is initialised and nodes are made.
 
     Raises:
-        UserError: its reason, e.g. an argument or a name that is none, or a parameter's type.
+        UserError: the reason, e.g. a malformed argument or name, or a parameter's wrong type.
     """
     try:
         yield

@@ -183,7 +183,7 @@ def _all_keys(node: yaml.Node) -> Iterator[str]:
 
 
 def _entries(node: yaml.MappingNode) -> dict[str, Entry]:
-    """Return scalars and lists by dotted names, of which `a.b` and b in a are one."""
+    """Return scalars and lists by dotted names: `a.b` is the same name as b in a."""
     found: dict[str, Entry] = {}
     for name, entry in flat(node):
         if name in found:

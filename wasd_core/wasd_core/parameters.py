@@ -47,8 +47,8 @@ def parameter(
     `above` excludes its bound, `minimum` and `maximum` include theirs; `choices` lists the legal
     strings. `read_only` parameters are fixed once a node has started. `name` is what users call
     it where that is no Python name (`linear.x.max_velocity`); `nan` says what NaN means where it
-    is legal, and with `or_zero` 0 is legal below the minimum: it stands for a word. A tuple makes
-    a list of its items' type, of strings when empty; bounds hold for each item.
+    is legal; `or_zero` allows 0 below the minimum, with a meaning of its own. A tuple makes a list
+    of its items' type, of strings when empty; bounds hold for each item.
 
     What people give (a file, ROS) must lie in the `span`, of which both ends belong to it and are
     tuples for a list; without one, within the bounds. Code may go beyond it, as far as the bounds:

@@ -38,7 +38,7 @@ SLOW = 0.1
 # The robot may stop sooner than its sure braking says: by these factors of it (x, y, turn), after
 # this share of the reaction time.
 SOONER, SOON = np.array((1.0, 2.0, math.inf)), 1.0 / 3.0
-# What is left of a command is nothing when it is less than this [m/s], [rad/s].
+# A limited command below this counts as zero [m/s], [rad/s].
 LEAST = np.array((0.01, 0.01, 0.02))
 # Of all that is asked for, what is tried, most first; between two it is looked so often once more.
 SHARES, HALVINGS = (1.0, 0.7, 0.4, 0.2, 0.08), 3
@@ -168,7 +168,7 @@ class Guard:
         return self._clear(asked, odometry)
 
     def _clear(self, asked: np.ndarray, odometry: Odometry) -> Guarded:
-        """Return what of a finite command keeps clear of what is known."""
+        """Return the part of a finite command that keeps clear of known obstacles."""
         parameters, body = self._parameters, self._body
         points = self._near(asked, odometry)
         if not len(points):
@@ -237,7 +237,7 @@ class Guard:
             body = self._body
             return float(least_room(points, clearance, body, now, wanted, *how, is_quick))
 
-        # Who cannot stop in time any more may still do what ends no nearer than a stop.
+        # If it cannot stop in time, any motion that ends no nearer than a stop is allowed.
         enough = min(0.0, least(velocity, still, True, (self._braking, 0.0))) - NO_NEARER
         slow = SLOW / np.array((1.0, 1.0, self._body.reach))
         goes_on = bool(((asked * velocity > 0.0) & (np.abs(velocity) > slow)).any())

@@ -32,7 +32,7 @@ class GuardNode(Node):
     Relays velocities from `cmd_vel_in_topic` to `cmd_vel_out_topic`, limited to keep clear.
 
     Takes `scan`, `odom` and the lidar's place from /tf_static. `~/state` says what it does to the
-    command in force, and why; nothing while it does nothing.
+    command in force, and why; '' while it does nothing.
 
     Raises:
         UserError: a parameter is not valid.

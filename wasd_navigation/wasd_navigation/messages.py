@@ -146,9 +146,9 @@ def to_occupancy(grid: Grid, stamp: Time, frame: str) -> OccupancyGrid:
 
 class NavigationPublisher:
     """
-    Publishes what a navigator knows, by the frames and times that it is told.
+    Publishes what a navigator knows, in given frames and at given times.
 
-    Maps are drawn for listeners; only the first one is published in any case, for who comes late.
+    Maps are drawn for listeners; only the first is always published, for late subscribers.
     """
 
     def __init__(self, node: Node, navigator: Navigator, frame: str) -> None:

@@ -22,7 +22,7 @@ from wasd_navigation.traversability import Traversability
 LOOK_AROUND = 0.5
 # Odometry, or a lidar, that is silent for so long is gone [s].
 SILENCE = 0.5
-# A goal waits so long for what it needs [s]: nobody who has forgotten it sees the robot drive off.
+# A goal waits so long for what it needs [s]: a forgotten goal must not move the robot.
 PATIENCE = 10.0
 # The driver plans on a map that is at most so old [s]: drawing one takes as long as 20 steps.
 LOOK_PERIOD = 1.0
@@ -59,7 +59,7 @@ class Navigator:
     `move` comes with each odometry, `see` with each scan and the odometry of its instant, `step`
     at a steady rate. It reads no clock. `on_end` are told how each goal has ended. It drives only
     while odometry, and a lidar not silent for more than `silence` [s], are heard; a goal that has
-    to wait for long ends. Of a robot with legs, `ground` is what it knows of the ground, if
+    to wait for long ends. `ground` is what a robot with legs knows of the ground, if
     anything.
     """
 

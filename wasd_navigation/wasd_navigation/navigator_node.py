@@ -53,8 +53,8 @@ class NavigatorNode(Node):
     """
     The face of a robot's navigator: scan, odom and goals in; map, plan, pose and cmd_vel out.
 
-    A `navigation` that it is given gets its odometry and scans, and where its commands go, from
-    who made it, who also steps it and calls `publish`. Alone, it makes one by its parameters,
+    The owner of a given `navigation` gives it odometry and scans, takes its commands, steps it and
+    calls `publish`. Alone, it makes one by its parameters,
     takes sensors from topics, publishes velocities and steps on a timer of its clock.
 
     Raises:
@@ -157,7 +157,7 @@ class NavigatorNode(Node):
         self._velocity.publish(to_velocity(velocity, stamp, self.navigation.base_frame))
 
     def _on_odometry(self, message: OdometryMessage) -> None:
-        """Take odometry of somebody who may not know what stamps are for."""
+        """Take odometry whose stamp may be missing or wrong."""
         now = to_seconds(message.header.stamp)
         if self.navigation.senses.age(now) == 0.0:
             self._warn('odom: the same stamp again: ignored')
@@ -232,7 +232,7 @@ class NavigatorNode(Node):
             self.navigation.stop(f'the mux lets {self._selected or "nobody"} drive')
 
     def _on_return(self, gap: float) -> None:
-        """Begin without a goal after this process stood still: nobody knows who wants it."""
+        """Begin without a goal after this process stood still: the old one is out of date."""
         self.navigation.stop(f'was paused for {gap:.1f} s')
 
     def _on_save_map(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -257,8 +257,8 @@ def _is_lost(ranges: np.ndarray, least: float, most: float) -> np.ndarray:
     """
     Return which rays only seem to hit nothing, shape (n,).
 
-    A lidar that has got no echo says what it says where nothing is. Nothing is so narrow that one
-    or two rays go past beside others that do not; what is beyond the scan's ends nobody knows.
+    A lidar reports a lost echo as free space. But no gap is so narrow that only one or two rays
+    pass between others that hit. Rays beyond the scan's ends are unknown.
     """
     nothing, has_echo = np.isposinf(ranges), (least <= ranges) & (ranges <= most)
     beside = np.concatenate(([True], has_echo, [True]))

@@ -30,7 +30,7 @@ class RobotNavigator:
     Maps or localises with odometry and scans as they come, and drives to one goal at a time.
 
     Times are told [s]. `send` takes what is commanded, (vx, vy, wz), shape (3,) [m/s], [rad/s];
-    `say` what is said to a driver, `warn` what is wrong with what came. `refusal` says why nothing
+    `say` messages to a driver, `warn` errors of input. `refusal` says why nothing
     can be driven to now. `on_scan` are called with the time and the odometry of each scan that
     was used, `on_reset` when all that was known is old.
     """
@@ -86,7 +86,7 @@ class RobotNavigator:
         self.use_ground(self._ground)
 
     def use_ground(self, ground: Traversability | None) -> None:
-        """Let what is known of the ground, or nothing, count from now on."""
+        """Use this knowledge of the ground, or none, from now on."""
         self._ground = self.navigator.ground = ground
         self.senses.is_ground = None if ground is None else ground.is_ground
 

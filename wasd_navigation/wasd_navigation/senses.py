@@ -24,8 +24,8 @@ class Senses:
     Reads odometry and scans as they come; a scan waits for the odometry of its time.
 
     Times are told [s]. `on_scan` gets each scan, the odometry of its time, which is half way
-    between its first ray and its last, the age [s] of its last ray, and that time; `warn` what is
-    wrong with what came. `odom_frame` and `base_frame` are named by odometry. `is_ground`
+    between its first ray and its last, the age [s] of its last ray, and that time; `warn` hears
+    errors of input. `odom_frame` and `base_frame` are named by odometry. `is_ground`
     says, in the frame of odometry, which rays end on ground that is no obstacle.
     """
 
@@ -140,7 +140,7 @@ class Senses:
         return self.is_ground(transform(pose, begins), placed)
 
     def forget_odometry(self, now: float) -> None:
-        """Forget where the robot was: odometry leaps at a time, and who saw what from where."""
+        """Forget where the robot was before odometry leapt, at a time [s]."""
         self._memory.clear()
         self._leapt_at = now
 

@@ -77,9 +77,9 @@ class LidarTag(SensorTag):
         """
         Return true ranges [m], shape (samples,), as they are measured, by REP 117.
 
-        With a `random` generator they are noisy, and some are lost, which is to a driver as if
-        nothing was there; they are rounded to the resolution. What is beyond the maximum is +inf,
-        what is below the minimum, and what a spoke hides, -inf.
+        With a `random` generator they are noisy, and some are lost, +inf as if nothing was there.
+        They are rounded to the resolution. Ranges beyond the maximum are +inf; ranges below the
+        minimum, and those that a spoke hides, are -inf.
         """
         if random is not None:
             finite = np.where(np.isfinite(ranges), ranges, 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures what the sensors of a robot see, each at its rate, for who listens."""
+"""Measures by the sensors of a robot, each at its rate, for listeners."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -126,8 +126,8 @@ class Sensors:
         """
         Let a sensor turn by a step of `dt` [s], and begin to measure where its number is new.
 
-        What it has measured is told with the time of its first ray. It turns while somebody
-        listens; who comes later waits for the next measurement.
+        A measurement has the time of its first ray. The sensor turns while somebody listens; a
+        new listener waits for the next measurement.
         """
         sensor, number = one.sensor, numbers[0]
         whole = sensor.step(dt) if sensor.is_turning else None
@@ -172,7 +172,7 @@ class Sensors:
 def _tell(
     now: float, measured: Iterable[tuple[str, Fields]], wanted: dict[str, list[Receive]]
 ) -> None:
-    """Give what is measured at a time [s] to who wants it."""
+    """Give measurements of a time [s] to the receivers that want them."""
     for topic, fields in measured:
         for receive in wanted.get(topic, ()):
             receive(now, fields)

@@ -71,7 +71,7 @@ class Site:
     """
     What the sensors of one robot share: its world, one snapshot an instant, one renderer.
 
-    `scale` makes all pictures smaller, also while it runs. `say` is told what cannot be measured.
+    `scale` makes all pictures smaller, also while it runs. `say` hears what cannot be measured.
     """
 
     def __init__(

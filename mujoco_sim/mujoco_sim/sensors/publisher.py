@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes what sensors measure, for who has subscribed."""
+"""Publishes what sensors measure, for subscribers."""
 
 import array
 import io

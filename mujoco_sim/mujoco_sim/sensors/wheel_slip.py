@@ -13,7 +13,7 @@ from mujoco_sim.world import World
 
 # Below this speed [m/s] of tread and wheel alike, nothing is said to slip.
 STANDSTILL = 0.001
-# What has its axle along the robot's z, within this angle [rad], rolls nowhere.
+# A cylinder does not roll if its axle is along the robot's z, within this angle [rad].
 FLAT = 1e-6
 
 

@@ -27,10 +27,10 @@ class Clicks:
     Shows the panels one change of a mouse's buttons at a time.
 
     NetImgui hands each frame of panels the latest input alone: a tap shorter than a frame would
-    never have been, and a press from which the pointer went on at once would be elsewhere. So a
-    change stays, where it was made, until a frame has seen it; those after it wait. Of clicks that
-    come faster than frames, whole ones are left out, neither the first nor the last of them.
-    Keys, and whether the page is there, wait for nothing. Nothing here looks at a clock.
+    get lost, and a press would move with a pointer that goes on at once. So a change stays where
+    it was made until a frame has seen it; later changes wait. If clicks come faster than frames,
+    whole clicks are left out, but not the first and the last. Keys, and whether the page is
+    there, do not wait. This class reads no clock.
     """
 
     def __init__(self) -> None:

@@ -214,7 +214,7 @@ def buttons_down() -> int:
 
 class Pace:
     """
-    How often a page is worked on [s], by who does: the viewer's thread and the simulation's.
+    The periods of work on a page [s], in the viewer's thread and in the simulation's.
 
     `is_hurried` is set by the simulation: whether it has no time to spare.
     """

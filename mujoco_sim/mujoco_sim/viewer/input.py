@@ -176,7 +176,7 @@ class PageInput:
         """
         Take what a browser sends with each picture that it draws: the keys that are down, a mouse.
 
-        Returns what of the mouse the next frame of panels is to see.
+        Returns the mouse as the next frame of panels shall see it.
         """
         with self._lock:
             self._step()
@@ -203,7 +203,7 @@ class PageInput:
                 self.turns.touch()
             self._place = mouse.place
             self._undrawn = True
-            # To be woken for nothing would cost the simulation a change of threads each time.
+            # Each needless wake-up would cost the simulation a change of threads.
             if self.has_clicked or not self._is_resting:
                 self._lock.notify_all()
             return shown

@@ -22,7 +22,7 @@ from mujoco_sim.viewer.studio import drop_viewer_events, LocalWebViewer, patch_s
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
-# What of a world's state the page is told: all that its picture is made of.
+# The page gets this part of a world's state: all that its picture is made of.
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 handler = functools.partial(messages.handler, priority=messages.Priority.USER)
@@ -44,7 +44,7 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
         self._panels = Panels(content)
 
     def text(self) -> str:
-        """Return what the panels say in words, for those who have none."""
+        """Return the contents of the panels as text, for pages without panels."""
         return '\n'.join(self._content.lines())
 
     @handler

@@ -144,7 +144,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
             self.transport.abort()
 
     def _hear(self, data: bytes) -> bytes:
-        """Hear what a browser sends; return what Studio is to have of it."""
+        """Hear what a browser sends; return the part for Studio."""
         # What has waited until its connection ended is from nobody: heard, it would be a page that
         # is there for ever, and keep all others out.
         if self._packets is None or self._is_lost:
@@ -216,7 +216,7 @@ def serve_page(
     """
     Serve as Studio asks for, for this machine only, and tell the page's input.
 
-    `text` is what a page without panels shows of the run, asked for in the server's thread.
+    `text` returns what a page without panels shows of the run; the server's thread calls it.
     """
     port: int = options['sock'].getsockname()[1]
     place = _Place(handler)

@@ -13,8 +13,7 @@ from wasd_core.network import LOOPBACK
 
 from mujoco_sim.viewer.drawing import PacedUi
 
-# Somebody who waits for control gets it from a page that is silent for so long [s]; who just
-# comes, from one that has said nothing in the same time.
+# A page that is silent for so long [s] loses control to a page that waits for it, or comes new.
 SILENT_CONTROLLER = 5.0
 
 

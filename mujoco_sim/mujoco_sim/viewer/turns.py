@@ -12,7 +12,7 @@ GIVEN_AFTER = 10.0
 
 class Turns:
     """
-    Who waits for control of a page, and whether the one who drives is to give it.
+    Who waits for control of a page, and whether its driver must give it up.
 
     Browsers are called by their session's name. The server's thread calls `ask`, `leave`, `touch`
     and `take_end`, the viewer's `waiting`, `remaining` and `give`.

@@ -67,7 +67,7 @@ def feel_grip(
         friction += fall * min(rule.share * slips - friction, 0.0)
     elif used > rule.share * friction:
         friction += dt * rule.rise
-    # A guess beyond what is believed in is what somebody knows better.
+    # A guess beyond the bounds widens them: somebody knows better.
     own[0] = min(max(min(rule.least, guess), friction), max(rule.most, guess))
 
 

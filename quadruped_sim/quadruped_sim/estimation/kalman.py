@@ -16,7 +16,7 @@ from quadruped_sim.tuning import EstimatorParameters
 
 # Variance added per second to the position of a foot that moves freely.
 _SWING_VARIANCE = 100.0
-# Of an acceleration, what may be wrong per root second: two readings miss a blow between them.
+# Error of the acceleration per root second, by its size: readings miss a blow between them.
 _SCALE = 0.01
 # Share of its trust below which a foot is far off, beside one that fits: four times the expected.
 _FAR = 1.0 / 17.0

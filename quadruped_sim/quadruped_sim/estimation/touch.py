@@ -13,7 +13,7 @@ class Felt(NamedTuple):
     """
     State of the momentum observer, both (12,): its integral and J'f as far as it is seen.
 
-    Of that follow the feet's forces (4, 3) [N], what they bear (4,) [N] and which touch (4,).
+    From it follow the feet's forces (4, 3) [N], their loads (4,) [N] and which touch (4,).
     The first step, before it `is_started`, takes the present momentum for all that is known.
     """
 

@@ -145,7 +145,7 @@ class MpcProblem(NamedTuple):
 
 class Horizon(NamedTuple):
     """
-    How N steps of acceleration make N poses and rates, and what errors of these cost.
+    N poses and rates from N steps of acceleration, and the costs of their errors.
 
     `pose_map` and `rate_map` are (N, N), `pose_weights` and `rate_weights` (6,); accelerations of
     steps s and r together cost the diagonal matrix of `costs[s, r]`, (N, N, 6). The body is known

@@ -42,7 +42,7 @@ def pd_law(
 
 @jit
 def rotation_error(rpy: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Axis times angle (3,) [rad], world axes, by which `R` is to turn to have `rpy` (3,)."""
+    """Axis times angle (3,) [rad], world axes, of the turn from `R` to `rpy` (3,)."""
     cr, sr, cp, sp = math.cos(rpy[0]), math.sin(rpy[0]), math.cos(rpy[1]), math.sin(rpy[1])
     cy, sy = math.cos(rpy[2]), math.sin(rpy[2])
     wanted = np.empty((3, 3))
@@ -161,8 +161,8 @@ def joint_command(
     """
     Torques `effort` (12,) [N m] with motor-side gains around what the legs should be doing.
 
-    Motors are told, too, what the joints lose as they turn as wanted: of their measured speeds
-    noise would make the sign at rest, and what the damping adds would be taken away.
+    Motors also make up for the joints' losses at the wanted speeds: at measured speeds noise would
+    give the sign at rest, and would undo the damping.
 
     A standing leg is only damped, about the joint speeds at which the base moves as wanted; a leg
     in the air also has stiffness about its target.

@@ -31,7 +31,7 @@ _NOSE = 0.08
 _RAISED = 0.03
 # Share of a stance after which a foot has come to rest.
 _SETTLED = 0.15
-# So long a foot that is to stand is waited for before it is led on down [s].
+# A foot that should stand but does not is led on down after this [s].
 _PATIENCE = 0.03
 # Share of a stance in which a foot that has landed settles: it sinks into the ground and rises
 # again, up and down at 0.1 m/s, and is believed with the fourth power of the share that is over.
@@ -172,8 +172,8 @@ def step_feet(
     """
     Advance all stages of a tick by `flat_rules`; write `Feet`, flat, and `aims`.
 
-    Those are the base's reference and the targets. `asked` are the velocity command (3,), the
-    base's height [m], dt [s] and if the legs step. Return whether others stand now.
+    `aims` are the base's reference and the targets. `asked` are the velocity command (3,), the
+    base's height [m], dt [s] and if the legs step. Return whether other feet stand now.
     """
     legs, schedule = feet[0], GaitState(*schedule)
     own, rules = FootStages(*stages[0]), stages[1]

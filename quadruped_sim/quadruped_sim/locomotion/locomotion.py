@@ -221,7 +221,7 @@ class Locomotion:
     def _step_feet(
         self, state: RobotState, command: np.ndarray, dt: float
     ) -> tuple[BaseReference, SwingTargets]:
-        """Find who stands, on what, and what base and feet in the air shall do."""
+        """Find which feet stand, on what, and the motion of the base and of feet in the air."""
         wanted, targets = self._wanted._replace(yaw_rate=float(command[2])), self._targets
         aims, stages = (plain(wanted), plain(targets)), (self._stages, self.rules)
         asked = command, self._settle_height(dt), dt, self.gait.is_stepping

@@ -2,7 +2,7 @@
 """
 Walking by sight: footholds and base by an elevation map [Grandia2023], [Jenelten2020].
 
-Where the map knows nothing, all is as without it.
+On unknown ground it walks as without a map.
 """
 
 import math
@@ -90,7 +90,7 @@ class Sight:
     """
     Looks at the ground through a map, `terrain`, in the frame of the base's position.
 
-    Without a map, or one that knows nothing here, nothing changes.
+    Without a map of this place nothing changes.
     """
 
     def __init__(self) -> None:

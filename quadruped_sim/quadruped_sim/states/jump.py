@@ -166,7 +166,7 @@ class Jump(OnFeet):
         acceleration = self._feedback(_PUSH_GAINS, robot, way, share * speed, rpy, rates)
         acceleration += np.concatenate((speed, direction @ turn)) / time
         command = self._by_all(robot, acceleration)
-        # The motors shall not damp what they are to bring about.
+        # The motors shall not damp the motion that they make.
         return command._replace(velocity=robot.joint_velocity.copy())
 
     def _fly(self) -> JointCommand:

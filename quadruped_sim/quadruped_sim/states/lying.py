@@ -305,7 +305,7 @@ def rolling_poses(model: RobotModel, roll: Roll, side: int) -> tuple[np.ndarray,
 
 
 def obstacle(model: RobotModel) -> str:
-    """Return what keeps a robot from rolling over, '' if nothing is known to: a joint's range."""
+    """Return what keeps a robot from rolling over, a joint's range; '' if none does."""
     poses = rolling_poses(model, ROLLS[0], 1)
     for pose, wanted in zip(poses, ROLLS[0].poses, strict=True):
         asked = np.array([wanted[0 if left == 1.0 else 1] for left in LEFT])

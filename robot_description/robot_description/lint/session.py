@@ -59,7 +59,7 @@ MOST_FINDINGS = 200
 
 def lint(session: XacroSession, expected_joints: Sequence[str] = ()) -> list[Finding]:
     """
-    Run a session; return what is wrong with what it reads and makes, by files and lines.
+    Run a session; return the faults of its files and of its result, by files and lines.
 
     `expected_joints` are names that a controller will look for.
 

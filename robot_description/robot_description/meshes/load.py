@@ -58,7 +58,7 @@ NO_MESHES = {
 }
 # How files of a format begin, whatever they are called.
 BEGINNINGS = {GLB_MAGIC: '.glb', b'ply\n': '.ply', b'ply\r': '.ply', b'<?xml': '.dae'}
-# An STL in words says `facet` before long.
+# An STL of text says `facet` within so many bytes.
 STL_WORDS = 2000
 Y_TO_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 # Rotations to x ahead, z up; COLLADA 1.4.1 says where `right` and `in` are for each up axis.
@@ -240,7 +240,7 @@ def _thin(mesh: Mesh, most_faces: int) -> Mesh:
 
 
 def _whole_stl(path: Path) -> io.BytesIO:
-    """Return an STL without what is behind its end; refuse one that ends before."""
+    """Return an STL without the bytes behind its end; refuse one that is too short."""
     data = path.read_bytes()
     if data.lstrip()[:5].lower() == b'solid' and b'facet' in data[:STL_WORDS].lower():
         if b'endsolid' not in data.lower():

@@ -123,7 +123,7 @@ def measure_leg(
 
 
 def _check_chain(robot: Robot, limb: list[Joint]) -> None:
-    """Check that a limb is a chain of three turning joints of which each is moved by itself."""
+    """Check that a limb is a chain of three turning joints, each moved by itself."""
     if has_wheel(robot, limb):
         raise NotALeg(f'a wheel at its end, {limb[-1].name}')
     is_linkage = sum(not joint.mimics for joint in limb) <= LEG_JOINTS

@@ -251,11 +251,10 @@ def _hang(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 def lowest_point(model: mujoco.MjModel, data: mujoco.MjData, root: int | None = None) -> float:
     """
-    Return the height of the lowest point of what collides [m]; inf if nothing does.
+    Return the height of the lowest point that collides [m]; inf if none does.
 
-    `root` is the first body of the robot that counts, without it all do; `data` holds its pose.
-    Boxes around shapes stand for the shapes, so that it may be a little lower than they are;
-    spheres are taken as they are.
+    `root` is the first body of the robot that counts; without it all do. `data` holds the pose.
+    Boxes stand for all shapes but spheres, so that the result may be a little too low.
     """
     mujoco.mj_kinematics(model, data)
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)

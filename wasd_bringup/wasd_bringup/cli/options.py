@@ -190,7 +190,7 @@ def read_keepout(words: str, word: str) -> str:
 
 
 def read_map_name(path: str, word: str) -> str:
-    """Return what the files of a map are called by, of which one may be given."""
+    """Return the common name of a map's files; `path` may be one of them."""
     # Here, because few runs save a map.
     from wasd_navigation.mapping import without_ending
 

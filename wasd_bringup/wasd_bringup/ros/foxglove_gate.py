@@ -2,8 +2,8 @@
 """
 The access check of `--foxglove`: for Foxglove and programs of this machine only.
 
-Foxglove's library serves everybody and tells nobody where a page is from. So it serves at an
-address of this machine that nobody can guess, and what may pass is led there.
+Foxglove's library serves every page and does not say where a page is from. So it serves at a
+secret address of this machine, and the gate forwards allowed connections there.
 """
 
 from collections.abc import Callable
@@ -109,7 +109,7 @@ def who_may_not(request: bytes) -> str | None:
 
 
 def _read_header(client: socket.socket) -> bytes:
-    """Return what a client begins with, its whole header in it; nothing of one that has none."""
+    """Return a client's first bytes, with its whole header; nothing if it sends none."""
     data = b''
     while b'\r\n\r\n' not in data:
         more = client.recv(LONGEST_HEADER)

@@ -56,11 +56,11 @@ class RosHome:
         return run
 
     def close(self) -> None:
-        """End everything, also what has begun in part; what fails hinders nothing else."""
+        """End everything, also what has begun in part, also after a failure."""
         served = [self._foxglove.close] if self._foxglove is not None else []
         recorded = []
         if self._recorder is not None:
-            # Where nothing has run, an older recording stays.
+            # If nothing has run, an older recording stays.
             recorded = [self._recorder.close if self._has_run else self._recorder.discard]
         attempt_all(*served, *recorded, rclpy.try_shutdown)
 

@@ -28,7 +28,7 @@ RIGHTS = {
     'navigator': 'plan',
 }
 USUAL_RIGHT = 'program'
-# Sources that live in simulated time, all others in that of a hand.
+# Sources that act in simulated time; all others act in wall time, as hands do.
 SCRIPTS = ('script', 'recording')
 
 Velocity = tuple[float, float, float]
@@ -57,7 +57,7 @@ class DriverState(NamedTuple):
     """
     Who drives ('' for nobody), since when [s], by which right; who asks; who stopped it.
 
-    `guard` is what a guard does to what is asked for: '' for nothing, `approach`, `stop`, ...
+    `guard` is what a guard does to the command: '' for nothing, `approach`, `stop`, ...
     """
 
     driver: str = ''
@@ -115,7 +115,7 @@ class Drivers:
         self._holds: dict[str, _Hold] = {}
         self._driver, self._since = '', 0.0
         self.stopped_by = ''  # the source of a stop that holds
-        # What a guard does to what is asked for.
+        # What a guard does to the command.
         self.guard: Callable[[], str] = lambda: ''
         self.time = 0.0  # simulated [s], told by who steps the run
         # Told of each change of driver before it drives: what drives by itself gives way.
@@ -149,8 +149,7 @@ class Drivers:
         """
         Return whether a key or a velocity [m/s], [m/s], [rad/s] of a source counts now.
 
-        A key without a name never does. `what` is the name by which those that give way
-        tell of it.
+        A key without a name never counts. `what` is how a source that gives way names this one.
         """
         if key == '':
             return False
@@ -204,7 +203,7 @@ class Drivers:
         """
         Let `dt` [s] of simulated time pass: release what is no longer repeated.
 
-        That time goes `haste` times as fast as a hand's.
+        Simulated time runs `haste` times as fast as wall time.
         """
         for source, hold in self._holds.items():
             passed = dt if source in SCRIPTS else dt / haste

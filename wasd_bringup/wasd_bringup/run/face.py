@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What tells others of a run, and takes what they ask for; this one has no others."""
+"""The interface of a run to other processes; this one has no others."""
 
 import time
 from typing import TYPE_CHECKING

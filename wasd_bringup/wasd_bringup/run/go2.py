@@ -36,7 +36,7 @@ LIDAR_NEEDED = (
     '{option}: {robot} has no lidar of points: give its description a '
     '<gazebo reference="LINK"><sensor type="ray"> with vertical samples'
 )
-# How far below the base the ground of a pit is told to be, which has none [m].
+# A pit has no ground: its height is told as this far below the base [m].
 PIT = 2.0
 # States in which the robot is being driven.
 DRIVEN = (StateName.TROTTING, *FOLLOWING)

@@ -12,7 +12,7 @@ from wasd_bringup.run.sensing import guard_parameters_of, lidar_of, listen_to_li
 
 # A command that stays the same is looked at again after so long [s].
 PERIOD = 0.02
-# What it did longer ago says nothing of now [s].
+# Its last action is out of date after this [s].
 FRESH = 0.2
 
 

@@ -268,8 +268,7 @@ class MessageTimes:
     """
     Says when the next look at messages is due, by what the last one took.
 
-    Where looks are slow, physics is what waits: a sender of 20 Hz must not seem silent. It reads
-    no clock.
+    If looks are slow, physics waits: a sender of 20 Hz must not seem silent. It reads no clock.
     """
 
     def __init__(self) -> None:

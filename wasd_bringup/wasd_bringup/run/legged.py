@@ -102,7 +102,7 @@ class Legged(Robot):
     def command(self, velocity: Velocity, age: float = 0.0) -> None:
         """Give the controller a velocity [m/s], [m/s], [rad/s] of any source."""
         refused = self.controller.command(velocity)
-        # Once: velocities come twenty times a second, and keys are to have their say, too.
+        # Once: velocities come twenty times a second, and would hide the answers to keys.
         if refused and refused != self._refused:
             self.say(refused)
         self._refused = refused

@@ -213,7 +213,7 @@ class Mbot(Robot):
         """Return the present sample of the report."""
         controller = self.drive_unit.controller
         pose = controller.odometry_state
-        # Without physics there is nothing that presses.
+        # Without physics there are no contact forces.
         forces = self.world.contact_forces(self._wheel_links) * (not self.drive_unit.is_fake)
         return Sample(
             controller.state,

@@ -19,7 +19,7 @@ from wasd_bringup.run.inputs import Command, Goal, ScriptedBox, ScriptedPush, Sc
 if TYPE_CHECKING:
     from diff_drive_sim.controller_file import ControllerFile
 
-# What a namespace keeps apart, too: a robot alone in its world has its own time and frames.
+# A namespace also separates these: a robot alone in its world has its own time and frames.
 NAMESPACED = (('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static'))
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')
@@ -170,4 +170,4 @@ def choose_range(asked: str | None, is_experiment: bool) -> None:
     elif asked is not None:
         set_range(os.environ, asked)
     elif is_experiment:
-        set_range(os.environ, 'off')  # not even a run on this machine may join what is repeated
+        set_range(os.environ, 'off')  # no other run may join: it would not repeat bit for bit

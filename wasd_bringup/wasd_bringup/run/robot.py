@@ -67,16 +67,15 @@ class Robot(ABC):
     Sources call `press` and `drive`, and `drivers` says whether they count. A run calls
     `begin_instant` first in each instant, then what `schedule_control` and `schedule_sensing` have
     put on its schedule. `prepare` comes before these, after the last change of `settings`.
-    `on_key` and `on_velocity` hear what the robot obeys, `on_zero_end` that the last zeros are
-    told.
+    `on_key` and `on_velocity` hear the keys and velocities that the robot obeys.
     """
 
     has_states = False  # whether keys are more than velocities
     other_presets: tuple[str, ...] = ()  # those that are no keymaps
-    # Where its feet reach as it stands, in the base frame (n, 2) [m]; none for who has none.
+    # The reach of its feet as it stands, base frame (n, 2) [m]; (0, 2) without feet.
     feet = np.empty((0, 2))
     camera: CameraView
-    notice: Notice  # what is said to the driver; who runs it lets its time pass
+    notice: Notice  # messages to the driver; the run steps it
 
     def __init__(
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
@@ -101,7 +100,7 @@ class Robot(ABC):
         simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
         self.on_key: list[Callable[[str], None]] = []
         self.on_velocity: list[Callable[[FullVelocity], None]] = []
-        # What a guard does to the command in force, '' where there is none.
+        # What a guard does to the command in force; '' without a guard.
         self.guard_words: Callable[[], str] = lambda: ''
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
@@ -346,7 +345,7 @@ class Robot(ABC):
 
     def schedule_sensing(self, schedule: Schedule) -> None:
         """Measure and sample on a schedule, after all controllers."""
-        # In any case: noise must not depend on who is told of it.
+        # Also without listeners: noise must not depend on them.
         schedule.every(1.0 / SHOWN_RATE, self._read)
         # As often as possible without making physics stop more often.
         stride = schedule.stride * self.world.time_step

@@ -49,20 +49,19 @@ class KeySwitch:
     """
     Sends each key to one of `count` robots: the one in turn, which SWITCH_KEY makes the next.
 
-    A key that a source still holds down at a switch belongs to the robot for which it was pressed
-    until it is let go: its repeats and its end must not reach the other one, and must reach this
-    one. SWITCH_KEY repeats nothing. `on_leave` are told the number of the robot that the keys
-    leave.
+    A key that a source holds down at a switch belongs to its robot until it is let go: its repeats
+    and its release reach that robot alone. A repeated SWITCH_KEY does nothing. `on_leave` get the
+    number of the robot that the keys leave.
     """
 
     def __init__(self, count: int) -> None:
         self._count = count
-        self._owners: dict[tuple[str, str], int] = {}  # of a source's key
+        self._owners: dict[tuple[str, str], int] = {}  # robots of held keys, by source and key
         self.active = 0
         self.on_leave: list[Callable[[int], None]] = []
 
     def receiver(self, key: str, by: str = 'keys') -> int | None:
-        """Return which robot gets a source's key; None where it was for the switch itself."""
+        """Return the number of the robot that gets a source's key; None for SWITCH_KEY."""
         if self._count == 1:
             return 0
         event, base = split_event(key)
@@ -394,11 +393,11 @@ class Run:
                 robot.drive(command.velocity, 'recording')
 
     def press(self, key: str, by: str = 'keys', to: int | None = None) -> None:
-        """Give a source's key to a robot, by its number, else to the one that it is for."""
+        """Give a source's key to the robot of number `to`, or to the one that `switch` names."""
         for note in self.listeners.of_keys:
             note(key)
         if self._writer is not None:
-            # At the instant that it is in force from: the one that comes next.
+            # The key is in force from the next instant on.
             self._writer.write(self.world.time, key)
         if self._is_for_the_run(key):
             return
@@ -439,7 +438,7 @@ class Run:
             timeout = 0.0
             if self._reader.closed:
                 if self._reader.terminal is not None:
-                    # Nobody reads it any more: Ctrl-C is to be a signal, and no sequence.
+                    # Nobody reads it any more: Ctrl-C shall be a signal, not a sequence.
                     self._reader.terminal.switch_off()
                 if self.options.has_guests:  # else the run ends soon
                     self._stop_what_the_keys_moved()

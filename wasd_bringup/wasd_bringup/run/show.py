@@ -15,7 +15,7 @@ def show_robot(robot: Robot, line: StatusLine, name: str, now: float, is_told: b
     """
     Show in a terminal how a robot is, by a `name` where that helps; `now` in [s].
 
-    `is_told` is whether somebody reads what is written where nothing can be drawn.
+    `is_told`: also write lines to an output that is no terminal.
     """
     line.show(
         lambda width: say_status(robot.status(), name, robot.simulation, width),
@@ -34,7 +34,7 @@ def say_status(status: Status, name: str, simulation: Simulation, width: int) ->
 
 
 def say_plainly(status: Status, name: str) -> str:
-    """Return what seldom changes of a status, for an output in which nothing is rewritten."""
+    """Return the parts of a status that seldom change, for an output that cannot be rewritten."""
     words = f'[{name}] {status.state}' if name else status.state
     return f'{words}: {status.message}' if status.message else words
 

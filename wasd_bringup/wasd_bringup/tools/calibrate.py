@@ -96,7 +96,7 @@ def drive_squares(
             controller=file if parameters else None,
             speed=0.0,
         )
-        # What contradicts the description is what is to be found out: nobody is told of it.
+        # The test finds errors of the description: no run warns of them.
         for number in range(test.count):
             note(number)
             run = Run(options)
@@ -239,7 +239,7 @@ def multipliers(
 def report(
     test: SquareTest, before: DrivenSquares, first: Umbmark, second: Umbmark
 ) -> Sequence[str]:
-    """Return a table: what was believed, what UMBmark and what least squares make of it."""
+    """Return a table: the values believed, those by UMBmark, and those by least squares."""
     believed, exact = before.believed, least_squares(before.runs)
     columns = (believed, first.correct(believed), exact)
     rows: list[tuple[str, ...]] = [('', 'believed', 'UMBmark', 'least squares')]

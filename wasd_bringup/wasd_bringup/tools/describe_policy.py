@@ -20,9 +20,9 @@ from wasd_core.robot_io import JointTargets, Senses
 # A trial: up, still for so long, then ahead, then turning [s], [m/s], [rad/s].
 RISE, STILL, AHEAD, TURN = 2.2, 1.0, 2.5, 2.0
 SPEED, RATE = 0.5, 0.5
-# Of each it is the last so long that counts [s].
+# Only the last part of each counts, this long [s].
 COUNTED = 1.0
-# What another reading must be better by, to be what was meant: of 1, all wrong.
+# Another reading is the one that was meant if its cost is lower by this; 1 is all wrong.
 BETTER = 0.25
 # What is walked well.
 WELL = 0.3
@@ -49,7 +49,7 @@ class Trial(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """How far it is off what was asked, from 0; 3 and more of one that fell."""
+        """The error of its velocities, from 0; 3 or more if it fell."""
         if self.fell_at is not None:
             return 4.0 - min(self.fell_at, 10.0) / 10.0
         off = [self.drift / SPEED, abs(self.speed - SPEED) / SPEED, abs(self.rate - RATE) / RATE]

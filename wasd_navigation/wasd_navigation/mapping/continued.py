@@ -41,7 +41,7 @@ class ContinuedMapper(Mapper):
 
     @property
     def notice(self) -> str:
-        """What there is to say, '' where all is well."""
+        """A message to the driver; '' if all is well."""
         if self._finder is None:
             return super().notice
         return self._finder.notice or 'searches for its place in the map'

@@ -17,7 +17,7 @@ class Contradictions:
     """
     Counts points of a scan that a grid and its surfaces contradict.
 
-    What lies where nothing is known tells nothing: of two equal rooms, one may be drawn worse.
+    Points in unknown cells do not count: of two equal rooms, one may be drawn worse.
     """
 
     def __init__(self, grid: Grid, surfaces: LocalMap, noise: float) -> None:

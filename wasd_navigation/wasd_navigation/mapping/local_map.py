@@ -258,7 +258,7 @@ def fit_scan(
 @jit
 def _weaken(information: np.ndarray, gradient: np.ndarray) -> None:
     """
-    Take out what a scan seems to tell where it tells nothing: along walls, around a round room.
+    Remove information that a scan only seems to give: along walls, around a round room.
 
     Normals are off by some degrees: of what is told in the best known direction, with turns as
     ways of `ARM`, so much, `SPURIOUS`, seems told in any other.

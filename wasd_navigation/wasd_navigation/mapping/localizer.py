@@ -185,14 +185,14 @@ class Localizer:
 
     @property
     def notice(self) -> str | None:
-        """What there is to say, None where all is well."""
+        """A message to the driver; None if all is well."""
         return self._words or (STUCK if self.is_stuck else None)
 
     def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
         """
         Take in a scan, and the pose and covariance of the base in the odom frame at its stamp.
 
-        What is not finite is not taken in.
+        It ignores values that are not finite.
         """
         if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
             return
@@ -235,7 +235,7 @@ class Localizer:
         self._compare(scan, surface, fit.share)
 
     def _is_beyond_map(self, scan: Scan, surface: np.ndarray, fit: Fit) -> bool:
-        """Whether what does not fit of a scan is where the map knows nothing."""
+        """Whether the points of a scan that do not fit lie in unknown cells."""
         if fit.share < LEAST_KNOWN:
             return False
         return self._contradictions.share(surface, scan.origin, fit.pose) <= NOT_AGAINST

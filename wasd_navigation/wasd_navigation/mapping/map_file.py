@@ -36,7 +36,7 @@ def map_outputs(path: Path, option: str = '') -> tuple[OutputFile, OutputFile]:
 
 
 def without_ending(path: Path) -> Path:
-    """Return what the files of a map are called by, of which one may be given."""
+    """Return the common name of a map's files, of which one may be given."""
     return path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
 
 

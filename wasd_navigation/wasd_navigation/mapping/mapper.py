@@ -74,7 +74,7 @@ class Mapper:
         self._comers = Comers()
         self.reset()
 
-    grows = True  # its map does: what nobody has seen yet may still be
+    grows = True  # its map grows: goals may be in unknown space
 
     def reset(self) -> None:
         """Forget all places; the next scan is the first."""
@@ -111,7 +111,7 @@ class Mapper:
 
     @property
     def notice(self) -> str:
-        """What there is to say, '' where all is well."""
+        """A message to the driver; '' if all is well."""
         if not self.is_found:
             return (
                 f'was moved by hand: {100 * self._share:.0f} % of what the lidar sees fits the '
@@ -153,8 +153,8 @@ class Mapper:
         """
         Take in a scan, and the pose and covariance of the base in the odom frame at its stamp.
 
-        By how much the covariance has grown since the last scan is how sure the move is. What is
-        not finite is not taken in.
+        The growth of the covariance since the last scan is that of the move. Values that are not
+        finite are ignored.
         """
         if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
             return
@@ -193,7 +193,7 @@ class Mapper:
         return Session(places.poses[held], scans, places.edges(), resolution, share)
 
     def take_session(self, session: Session) -> None:
-        """Know what was known once, in place of what is now."""
+        """Replace the present knowledge by that of a session."""
         places, edges = Places(), session.edges
         self._noise.take(session.share)
         self._drawing.clear()
@@ -251,7 +251,7 @@ class Mapper:
                 self._seek(scan, surface, move)
 
     def _fits_what_is_known(self, surface: Surface, fit: Fit) -> bool:
-        """Whether what a scan shows fits where anything is known: what is new tells nothing."""
+        """Whether a scan fits the known part of the map; its other points do not count."""
         points = surface.points
         least = self._parameters.range_noise
         fits, new = count_fitting(self._local, points, fit.pose, least, *self._drawing.odds)
@@ -296,7 +296,7 @@ class Mapper:
         """
         See whether the robot is at a known place, in a map that fits: that is its place now.
 
-        So cost and memory grow with what there is to see, not with the way.
+        So cost and memory grow with the area, not with the way.
         """
         self._take_solved()
         places, pose = self._places, self.pose

@@ -168,7 +168,7 @@ class Places:
 
     def join(self, number: int, points: np.ndarray, pose: np.ndarray, local: LocalMap) -> None:
         """
-        Join what is seen from a pose in a place's frame with what is known there.
+        Join points seen from a pose in a place's frame with the known points there.
 
         Each cell of `local`, which is written, has the mean of both, known as well as both.
         """

@@ -214,7 +214,7 @@ def _linearise_edge(
     A[2, 2], B[2, 2] = -1.0, 1.0
     if not edges.robust[edge]:
         return 1.0
-    # Cauchy's weight, of which 3 is what a right edge has on average.
+    # Cauchy's weight; the square of a right edge is 3 on average.
     square = 0.0
     for i in range(3):
         for j in range(3):

@@ -97,7 +97,7 @@ def load_session(path: Path) -> Session:
                 raise ValueError('it is compressed')
         with np.load(BytesIO(data), allow_pickle=False) as arrays:
             return _read({name: arrays[name] for name in arrays.files})
-    # What zipfile and numpy raise of what is no archive, or holds no arrays.
+    # zipfile and numpy raise these if it is no archive, or holds no arrays.
     except (zipfile.BadZipFile, ValueError, KeyError, OSError, EOFError, TypeError) as error:
         raise MapFileError(f'{file}: no places of a map: {one_line(error)}') from None
 

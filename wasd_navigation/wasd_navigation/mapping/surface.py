@@ -28,8 +28,8 @@ GRAZING = 0.15
 NEAREST, FEWEST, LEARNT, MEDIAN, LARGEST_SHARE = 1.5, 30, 30, 0.6745, 0.05
 # Cosine of the angle between normal and ray from which on a ray's end is known by its neighbours.
 STEEP = 0.3
-# What is no wider than this [m], and on both sides of which rays go farther by so much [m] and so
-# many deviations, is a post; its middle is about so far behind what is seen [m].
+# A post is no wider than this [m], and rays on both sides of it go farther by so much [m] and so
+# many deviations; its middle is about so far behind its visible side [m].
 WIDEST_POST, LEAST_GAP, GAP_DEVIATIONS, POST = 0.09, 0.3, 4.0, 0.02
 
 

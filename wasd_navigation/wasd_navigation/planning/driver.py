@@ -36,8 +36,8 @@ _FOR_PEOPLE, _AGAIN = 15.0, 0.5
 _WITH_PEOPLE = 2
 # How the reason ends for which it stands.
 _WAITING = ': waiting'
-# A goal where nobody had looked fails when it is seen for so long that it is none [s]; as long as
-# for people where somebody may go, or the map may show that he has gone.
+# A goal in unseen space fails after it has been seen to be none for so long [s]; where people may
+# stand in it, only after the time for people.
 _SEEN_FOR = 3.0
 # So much more of the map that is known is as good as coming nearer to a goal that is not [m^2].
 _NEWS = 0.3
@@ -283,7 +283,7 @@ class Driver:
         return self._sample(route, state, dt)
 
     def _to_look(self, route: Route) -> str:
-        """Return the remark on a goal of which nobody knows whether it is one, '' for others."""
+        """Return the remark on a goal in unseen space; '' for others."""
         (x, y), grid = route.asked[:2], self._around.whole
         if route.is_to_look:
             return f'({x:.2f}, {y:.2f}) is in an obstacle: the robot drives there to look'
@@ -371,7 +371,7 @@ class Driver:
         return is_map and bool(np.isfinite(goal).all()) and self._around.whole.has(goal[:2])
 
     def _may_dock(self, state: np.ndarray) -> Docking | None:
-        """Return what leads straight to the goal, where nothing is in between."""
+        """Return a straight way to the goal, if it is free."""
         assert self._route is not None
         scene, parameters = self._scene(self._route), self._parameters
         tolerances = parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance
@@ -401,7 +401,7 @@ class Driver:
         return np.zeros(3)
 
     def _may_still_be(self, route: Route, dt: float) -> bool:
-        """Whether a goal where nobody had looked may be one, by what is seen now."""
+        """Whether a goal in unseen space may be reachable, by the present map."""
         around = self._around
         if around.known > self._known + _NEWS and self._to_look(route):
             self._known = around.known

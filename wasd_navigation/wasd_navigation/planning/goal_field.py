@@ -232,7 +232,7 @@ def flood(start: np.ndarray, distances: np.ndarray, reach: float) -> np.ndarray:
     """
     Return which cells a disc gets to, bool, from a cell (row, column) or what is next to it.
 
-    Its middle stays at least `reach` [m] away from what `distances` are to.
+    Its middle keeps `distances` of at least `reach` [m].
     """
     rows, columns = distances.shape
     seen = np.zeros((rows, columns), np.bool_)

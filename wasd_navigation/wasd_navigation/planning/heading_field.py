@@ -63,7 +63,7 @@ class Prices(NamedTuple):
     margin: float  # [m]
     comfort: float  # [m]
     lack: float  # what a metre costs more without any comfort
-    unseen: float  # what one costs more where nobody can say what is there
+    unseen: float  # extra cost of a metre on unseen ground
 
 
 class Covers(NamedTuple):

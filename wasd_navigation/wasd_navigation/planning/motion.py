@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a base moves when it is told a velocity, where it then is, and how far from all."""
+"""How a base moves on a command, where it then is, and how far from obstacles."""
 
 import math
 from typing import NamedTuple

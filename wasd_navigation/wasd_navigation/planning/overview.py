@@ -27,8 +27,7 @@ class Rooms:
     """
     The largest clearance in each place of a map [m], shape (rows, columns), float32.
 
-    `is_known` is where somebody has looked. Of a map that has changed, only what has is measured
-    again.
+    `is_known` are the known cells. Only the changed part of a map is measured again.
     """
 
     def __init__(self) -> None:

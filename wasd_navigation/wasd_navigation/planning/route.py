@@ -82,7 +82,7 @@ class Route:
 
     @property
     def is_to_look(self) -> bool:
-        """Whether the goal is too far from what was asked for to do, but shows what is there."""
+        """Whether the goal is too far from the one asked for, but lets the robot look there."""
         return self.off > self._parameters.tolerance + 1e-6
 
     def refusal(self, around: Surroundings) -> str | None:
@@ -409,9 +409,9 @@ def _length(way: np.ndarray) -> float:
 
 def border_of(around: Surroundings, overview: Overview) -> np.ndarray:
     """
-    Return what is left from the cells at the border of what is looked at of a map, float32.
+    Return the ways left from the cells at the border of the window on a map, float32.
 
-    It is infinite of all others, and where the map ends, too.
+    They are infinite in all other cells, and where the map ends.
     """
     shape, all_ = around.grid.cells.shape, around.whole.cells.shape
     border = np.full(shape, np.inf, np.float32)

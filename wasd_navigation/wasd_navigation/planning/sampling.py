@@ -174,7 +174,7 @@ def _price(state: np.ndarray, scene: Scene) -> float:
 
 @fast
 def _price_of_movers(state: np.ndarray, scene: Scene, time: float) -> float:
-    """Return what a state costs for who moves near it, a time [s] from now."""
+    """Return the cost of a state near movers, a time [s] from now."""
     least, comfort = scene.keep
     room = room_to_movers(scene.movers, scene.circles, state, time)
     if room >= comfort:

@@ -186,8 +186,8 @@ class Surroundings:
     The map with what the live scan adds; distances are measured again only when something changed.
 
     `revision` counts those changes; `known` is how much of the map somebody has looked at [m^2].
-    Of a map that is large, `whole`, only what is around the robot is looked at: `grid`, whose
-    first cell (row, column) is `corner`.
+    Of a large map, `whole`, only the part around the robot counts: `grid`, whose first cell (row,
+    column) is `corner`.
     """
 
     def __init__(self, footprint: Footprint, parameters: PlanningParameters) -> None:
@@ -206,7 +206,7 @@ class Surroundings:
         """
         Take the map, which is another one only when its revision is.
 
-        Of a large one, what is around a place, shape (2,) [m].
+        Of a large map only the part around a place counts, shape (2,) [m].
         """
         if revision == self._grid_revision and not self._is_near_edge(place):
             return
@@ -235,7 +235,7 @@ class Surroundings:
         )
 
     def at(self, place: np.ndarray) -> 'Surroundings':
-        """Return what is around another place of the map, without what was seen."""
+        """Return the surroundings of another place of the map, without the live scan."""
         there = Surroundings(self._footprint, self._parameters)
         there.take_map(self.whole, 0, place)
         return there
@@ -265,10 +265,10 @@ class Surroundings:
     @property
     def is_unseen(self) -> np.ndarray:
         """
-        Where the robot's middle would come over what nobody knows, bool.
+        Cells in which the robot would stand on unseen ground, bool.
 
-        That is what nobody has looked at, and what hides behind something new: a box is as likely
-        as not on the way that leads close around the side of it that has been seen.
+        Unseen are unknown cells, and cells hidden behind something new: a box may well reach into
+        a way that leads close around its visible side.
         """
         unseen, hidden = self.is_unknown, self.layer.hidden
         if hidden.any():
@@ -294,11 +294,7 @@ class Surroundings:
 
     @property
     def prices(self) -> tuple[float, float, float]:
-        """
-        Room beyond which there is no more than enough [m], and what a metre costs more.
-
-        That without any such room, and that where nobody can say what is there.
-        """
+        """Room that is enough [m]; extra costs of a metre without room, and on unseen ground."""
         parameters = self._parameters
         return parameters.comfort, parameters.comfort_price, parameters.unknown_price
 

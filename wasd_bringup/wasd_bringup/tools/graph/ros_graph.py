@@ -19,10 +19,10 @@ from wasd_core.network import running
 from wasd_core.node import init_ros, MessagePump
 from wasd_core.signals import letting_go, StopSignals
 
-# What is asked for is not there when nothing new has been discovered for so long [s]. Fast DDS
+# A name does not exist if nothing new has been discovered for so long [s]. Fast DDS
 # announces a process that missed the first announcements every 3 s.
 PATIENCE = 5.0
-# But there is more to come while a run of this domain has not been seen: at most so long [s].
+# If a run of this domain has not been seen, wait longer, at most so long [s].
 LONGEST = 15.0
 # A list is complete when nothing new has come for so long, after at least that [s].
 QUIET = 0.5

@@ -44,7 +44,7 @@ class Topic(NamedTuple):
 
 
 class RecordedMessage(NamedTuple):
-    """A message of a type as CDR, and when it was published [ns of simulated time]."""
+    """A message as CDR, its type, and when it was published [ns of simulated time]."""
 
     topic: str
     time: int
@@ -203,7 +203,7 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
         robot = known['robot']
         preset = '' if robot == BOTH else ROBOTS[robot].preset
         if robot != BOTH and ROBOTS[robot].kind is not WHEELED:
-            preset = known.get('preset', preset)  # wheels only need what their keys became
+            preset = known.get('preset', preset)  # wheels repeat velocities
         return RunOptions(
             robot=robot,
             description=known['description'],
@@ -256,7 +256,7 @@ def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
 
 
 def _absolute(words: str, names: Collection[str] = ()) -> str:
-    """Return a name as it is; the path of a file, or of a plan's PICTURE,SCALE, from the root."""
+    """Return a file's path, or a plan's PICTURE,SCALE, from the root; other words as they are."""
     if words not in names and os.path.isfile(words):
         return str(Path(words).resolve())
     path, comma, scale = words.rpartition(',')
