@@ -129,21 +129,19 @@ def test_a_folder_that_one_may_not_enter(tmp_path):
 
 
 @pytest.mark.parametrize('option', ['--description', '--gamepad'])
-def test_a_name_that_is_no_utf_8_is_not_for_ros(option, tmp_path):
+def test_a_name_that_is_no_utf_8_is_not_for_ros(option, wasd, tmp_path):
     path = tmp_path / '\udcff.urdf'
     path.write_text(CART)
-    words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, option, str(path)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
+    done = wasd('mbot', *RUN, option, str(path))
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert 'UTF-8' in done.stderr
 
 
-def test_a_goal_that_is_not_reached_is_told_at_the_end_where_no_terminal_shows_it():
+def test_a_goal_that_is_not_reached_is_told_at_the_end_where_no_terminal_shows_it(wasd):
     """It is no mistake of the command line: only the robot's map tells."""
     goal = ('--map', '--world', 'flat:3', '--goal', '99 99', '--duration', '5')
-    words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, *goal, '--no-ros']
-    done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
+    done = wasd('mbot', *RUN, *goal, '--no-ros')
     assert done.returncode == 0, done.stderr
     told = done.stdout.splitlines()[-1]
     assert told.startswith('goal 99 99 refused: (99.00, 99.00) is outside the map'), done.stdout

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 import time
 from typing import Any
+import urllib.request
 
 import numpy as np
 import pytest
@@ -106,7 +107,7 @@ def test_a_key_that_is_held_drives_and_ends_with_the_browser(
     assert report['samples']['position'][-1][0] > 0.02
 
 
-def test_the_page_is_for_this_machine_only_and_a_second_run_takes_the_next_port(
+def test_without_ros_the_page_answers_this_machine_only_and_a_second_run_takes_the_next_port(
     run_with_page: Callable[..., Any],
 ) -> None:
     words = ('mbot', '--no-ros', '--duration', '20')
@@ -116,3 +117,6 @@ def test_the_page_is_for_this_machine_only_and_a_second_run_takes_the_next_port(
     while not listeners(first.port) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert listeners(first.port) == {'0100007F'}
+    with urllib.request.urlopen(first.url, timeout=PATIENCE) as page:
+        assert page.status == 200
+        assert b'<canvas' in page.read()

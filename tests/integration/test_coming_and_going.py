@@ -21,7 +21,7 @@ def benchmarks(monkeypatch: pytest.MonkeyPatch, isolated_ros: int) -> None:
 def test_programs_started_and_stopped_leave_nothing(benchmarks: Any) -> None:
     import cycles
 
-    # One of each kind; all of them end cleanly in test_no_litter.py and test_executables.py.
+    # One of each kind; test_no_litter.py has one more, and what it logs.
     programs = dict.fromkeys(('teleop', 'simulator', 'wasd go2'), 1)
     rows = cycles.measure(True, lambda text: None, programs, 8, workers=1)
     assert [(row.what, row.measured) for row in rows if not row.passed] == []

@@ -51,8 +51,6 @@ def test_ctrl_c_ends_each_program_silently_from_its_first_import_on(script: str)
         ('key_publisher', 'std_msgs', ()),
         ('wasd', 'argparse', ('mbot', '--duration', '1')),
         ('wasd', 'rclpy', ('mbot', '--duration', '1')),
-        ('wasd', 'mujoco', ('mbot', '--duration', '1')),
-        ('wasd', 'numpy', ('go2', '--duration', '1')),
     ],
 )
 def test_ctrl_c_ends_it_silently_while_libraries_are_loaded(

@@ -177,7 +177,7 @@ def see_the_reset_key_put_the_robot_back_and_say_so(run: Window) -> None:
 
 
 @pytest.mark.parametrize('robot', ['mbot', 'both'])
-def test_in_a_pipe_the_state_is_told_in_plain_lines(
+def test_keys_from_a_pipe_drive_the_state_is_told_in_plain_lines_and_the_run_ends(
     environment: dict[str, str], tmp_path: Path, robot: str
 ) -> None:
     run = programs.start(
@@ -189,7 +189,9 @@ def test_in_a_pipe_the_state_is_told_in_plain_lines(
         cwd=tmp_path,
         start_new_session=True,
     )
-    told, _ = run.communicate(b'i' if robot == 'mbot' else b'\ti', timeout=PATIENCE)
+    told, _ = run.communicate(b'iii' if robot == 'mbot' else b'\tiii', timeout=PATIENCE)
+    assert run.returncode == 0
+    assert float(told.split(b'mbot at ')[1].split()[0]) > 0.02
     assert b'\x1b' not in told
     assert b'\r' not in told
     lines = told.decode().splitlines()
@@ -296,15 +298,6 @@ def test_a_script_knows_both_keys_and_a_saved_script_has_them(
     assert keys.count('BACKSPACE') == keys.count('?') == 1
     again = runner.report('mbot', '--duration', '3', play=script)
     assert again['samples'] == first['samples']
-
-
-def test_a_replay_repeats_the_reset_key(new_runner: Callable[[], Any]) -> None:
-    runner = new_runner()
-    (runner.folder / 'keys').write_text('0.1 i*20\n0.8 BACKSPACE\n0.9 i*20')
-    words = ('mbot', '--play', 'keys', '--duration', '1.5', '--speed', '0')
-    assert runner(*words, '--record', 'run.mcap', timeout=PATIENCE).returncode == 0, runner.said
-    again = runner('replay', 'run.mcap', '--drive', timeout=PATIENCE)
-    assert again.returncode == 0, again.stdout + again.stderr
 
 
 def test_both_are_reset_together_and_to_their_own_places(new_runner: Callable[[], Any]) -> None:

@@ -2,7 +2,6 @@
 """`wasd topics`, `echo`, `hz`, `pub`, `call` and `params` against a robot in another process."""
 
 from collections.abc import Callable, Iterator
-import json
 import re
 import signal
 import subprocess
@@ -275,33 +274,16 @@ WRONG = {
 }
 
 
-# Runs one command after the other; says how each ended, and what it said.
-EACH = """
-import contextlib, io, json, sys
-from wasd_bringup.cli import main
-for words in map(json.loads, sys.argv[1:]):
-    with contextlib.redirect_stderr(io.StringIO()) as said:
-        status = main(words)
-    print(json.dumps([status, said.getvalue()]))
-"""
-
-
 @pytest.mark.parametrize(('cases', 'status'), [(MISSING, 1), (WRONG, 2)], ids=['missing', 'wrong'])
 def test_what_is_missing_or_wrong_is_said_in_one_line(
-    robot: Any, ask: Ask, cases: dict[tuple[str, ...], str], status: int
+    ask: Ask, cases: dict[tuple[str, ...], str], status: int
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, '-c', EACH, *map(json.dumps, cases)],
-        env=robot.environment,
-        capture_output=True,
-        text=True,
-    )
-    answers = map(json.loads, done.stdout.splitlines())
-    for (words, reason), (ended, said) in zip(cases.items(), answers, strict=True):
-        assert ended == status, (words, said)
-        assert len(said.splitlines()) == 1, said
-        assert said.startswith('error: ')
-        assert reason in said
+    for words, reason in cases.items():
+        done = ask(*words)
+        assert done.returncode == status, (words, done.stderr)
+        assert len(done.stderr.splitlines()) == 1, done.stderr
+        assert done.stderr.startswith('error: ')
+        assert reason in done.stderr
 
 
 def test_params_with_a_verb_of_ros2_says_how_it_is_written(ask: Ask) -> None:

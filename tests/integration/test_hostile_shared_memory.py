@@ -81,8 +81,6 @@ def test_a_run_says_in_a_line_what_is_wrong_and_goes_without_it_where_that_can_b
     ('state', 'number'),
     [
         ('nearly full', signal.SIGINT),
-        ('nearly full', signal.SIGHUP),
-        ('nearly full', signal.SIGABRT),
         ('empty ports of another user', signal.SIGQUIT),
         ('empty locks', signal.SIGTERM),
     ],

@@ -111,17 +111,6 @@ def test_beyond_the_wheels_speed_the_curve_is_kept(report_of: RunMbot, tmp_path:
     assert late[:, 0].mean() == pytest.approx(2.0 * 1.5 / 2.76, rel=0.02)
 
 
-def test_a_run_with_the_arbotix_loop_repeats_to_the_bit(
-    report_of: RunMbot, tmp_path: Path
-) -> None:
-    path = tmp_path / 'c.yaml'
-    path.write_text('mode: arbotix\nlegacy: true\nKp: 12\nKd: 12\naccel_limit: 1.0')
-    arguments = ('--controller', str(path), '--duration', '3')
-    first = report_of(*arguments, twist='0 0.2 0 0.5')
-    assert first['samples'] == report_of(*arguments, twist='0 0.2 0 0.5')['samples']
-    assert first['samples']['position'][-1][0] > 0.1
-
-
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [

@@ -98,13 +98,6 @@ def test_odometry_is_within_1_mm_on_a_square_of_4_x_1_m(report_of: RunMbot) -> N
     assert distance <= 0.001
 
 
-def test_the_same_script_gives_the_same_samples(wasd: Any) -> None:
-    script = '0.2 u*20\n1.5 q m*30\n3 k'
-    pushed = ('--push', '1 2 3 0 0.2', '--seed', '7', '--duration', '4')
-    first, again = (run.report('mbot', *pushed, play=script) for run in (wasd, wasd.anew()))
-    assert first['samples'] == again['samples']
-
-
 def test_a_run_in_real_time_gives_the_same_samples_as_one_at_full_speed(
     report_of: RunMbot,
 ) -> None:

@@ -5,11 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 import socket
 import subprocess
-import sys
 
 from cases import for_all
 import pytest
-from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -92,28 +90,6 @@ def test_without_a_terminal_it_says_what_to_give_instead(wasd: Wasd) -> None:
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_a_closed_standard_input_is_no_terminal(wasd: Wasd, environment: dict[str, str]) -> None:
-    done = subprocess.run(
-        ['sh', '-c', 'exec "$0" "$@" <&-', *_command('mbot')],
-        env=environment,
-        text=True,
-        capture_output=True,
-        start_new_session=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stderr.startswith('error: no terminal')
-    assert len(done.stderr.splitlines()) == 1
-
-
-def test_keys_from_a_pipe_drive_and_the_run_ends_after_them(wasd: Wasd) -> None:
-    done = wasd('mbot', stdin=None, input='iii', timeout=PATIENCE)
-    assert done.returncode == 0, done.stderr
-    x = float(done.stdout.split('mbot at ')[1].split()[0])
-    assert x > 0.02
-
-
 def test_a_taken_port_is_said_in_one_line(wasd: Wasd) -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         port = server.getsockname()[1]
@@ -138,7 +114,3 @@ def test_help_names_every_option(wasd: Wasd) -> None:
     options = 'viewer description package-path world preset play twist push duration speed seed'
     for option in options.split():
         assert f'--{option}' in done.stdout
-
-
-def _command(*arguments: str) -> list[str]:
-    return [sys.executable, '-m', 'wasd_bringup.cli', *arguments]

@@ -13,11 +13,10 @@ from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
-NODES = {
-    'keys_to_twist': 'teleop_keyboard.keys_to_twist_node',
-    'twist_mux': 'teleop_keyboard.twist_mux_node',
-    'diff_drive_controller': 'diff_drive_sim.diff_drive_controller_node',
-    'state_publisher': 'robot_description.state_publisher_node',
+# A node, which all make in one way, and a run.
+PROGRAMS = {
+    'diff_drive_controller': ('diff_drive_sim.diff_drive_controller_node',),
+    'wasd': ('wasd_bringup.cli', 'mbot', '--duration', '600'),
 }
 
 
@@ -32,7 +31,7 @@ def wait_until_it_catches(process: 'subprocess.Popen[bytes]', number: int) -> No
         caught = int(status.partition('SigCgt:')[2].split()[0], 16)
 
 
-@pytest.mark.parametrize('name', [*NODES, 'wasd'])
+@pytest.mark.parametrize('name', PROGRAMS)
 def test_a_start_and_a_stop_leave_nothing_behind(
     tmp_path: Path, isolated_ros: int, name: str
 ) -> None:
@@ -41,9 +40,8 @@ def test_a_start_and_a_stop_leave_nothing_behind(
     temporary.mkdir()
     environment = {**os.environ, 'HOME': str(home), 'TMPDIR': str(temporary)}
     del environment['ROS_LOG_DIR']
-    words = [NODES[name]] if name in NODES else ['wasd_bringup.cli', 'mbot', '--duration', '600']
     process = subprocess.Popen(
-        [sys.executable, '-m', *words],
+        [sys.executable, '-m', *PROGRAMS[name]],
         env=environment,
         cwd=tmp_path,
         stdin=subprocess.DEVNULL,

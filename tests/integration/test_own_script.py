@@ -73,13 +73,7 @@ def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path:
     (tmp_path / 'circle.py').write_text(scripts()[1])
     node = subprocess.Popen([sys.executable, 'circle.py'], cwd=tmp_path, env=environment)
     try:
-        done = programs.run(
-            [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', '--duration', '8'],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            timeout=PATIENCE,
-        )
+        done = programs.run_wasd(('mbot', '--duration', '8'), tmp_path, environment)
         node.send_signal(signal.SIGINT)
         assert node.wait(PATIENCE) == 0
     finally:

@@ -63,7 +63,7 @@ IGNORED = (signal.SIGPIPE, signal.SIGXFSZ)
 ENDING = [
     number for number in DEADLY if isinstance(number, signal.Signals) and number not in IGNORED
 ]
-WHILE_DRIVING = ENDING if EVERY else [signal.SIGUSR1, signal.SIGABRT]
+WHILE_DRIVING = ENDING if EVERY else [signal.SIGTERM, signal.SIGABRT]
 WHILE_IDLE = ENDING if EVERY else [signal.SIGALRM]
 WHILE_STARTING = ENDING if EVERY else [signal.SIGINT, signal.SIGVTALRM]
 
@@ -72,6 +72,8 @@ def end(session: Any, number: int) -> None:
     """Send a signal; check how and how soon the process ends and what is left."""
     end_by(session.process, number)
     assert termios.tcgetattr(session.slave) == session.before
+    session.read()
+    assert 'Traceback' not in session.shown
 
 
 def wait_for_zero(commands: Any) -> None:
@@ -141,7 +143,6 @@ def test_every_signal_ends_an_idle_run_in_order(start: Callable[..., Any], numbe
     session = start('--report', 'report.json', robot='go2')
     session.wait_for('passive')
     end(session, number)
-    session.read()
     assert 'report in report.json' in session.shown
 
 
@@ -152,8 +153,6 @@ def test_every_signal_ends_a_run_that_is_stuck_in_its_start(
     session = start(program=('-c', STUCK_AT_START))
     session.wait_for('STARTING')
     end(session, number)
-    session.read()
-    assert 'Traceback' not in session.shown
 
 
 def test_a_run_that_is_stuck_is_ended_with_a_zero(

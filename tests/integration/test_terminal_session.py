@@ -6,7 +6,6 @@ import itertools
 import json
 import os
 from pathlib import Path
-import signal
 import termios
 import time
 from typing import Any
@@ -61,29 +60,6 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says_and_ctrl_c_is_the_way_
     commanded = 0.02 * sum(speeds)
     assert x == pytest.approx(commanded, rel=0.03)
     assert report['samples']['velocity'][-1][0] == pytest.approx(0.0, abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ('number', 'status'),
-    [(signal.SIGINT, 0), (signal.SIGTERM, 128 + 15), (signal.SIGHUP, 128 + 1)],
-)
-def test_a_signal_leaves_the_terminal_as_it_was_and_the_robot_stopped(
-    start: Callable[..., Any],
-    commands: Any,
-    hold_until_it_drives: Any,
-    number: signal.Signals,
-    status: int,
-) -> None:
-    session = start()
-    session.wait_for('stopped')
-    assert termios.tcgetattr(session.slave) != session.before
-    hold_until_it_drives(session, commands)
-    session.process.send_signal(number)
-    assert session.end() == status
-    assert termios.tcgetattr(session.slave) == session.before
-    last = commands(0.3)[-1]
-    assert (last.linear.x, last.angular.z) == (0.0, 0.0)
-    assert 'Traceback' not in session.shown
 
 
 def test_an_exception_leaves_the_terminal_as_it_was_and_the_robot_stopped(

@@ -7,10 +7,8 @@ import re
 import subprocess
 import sys
 from typing import Any
-import urllib.request
 
 import pytest
-from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -95,17 +93,3 @@ def test_where_rclpy_is_not_installed_a_run_says_so_and_is_without(tmp_path: Pat
     done = wasd(words, tmp_path, HIDDEN + WATCHED)
     assert done.returncode == 0, done.stderr
     assert 'wasd: runs without ROS (rclpy is not installed)' in done.stderr.splitlines()
-
-
-def test_without_ros_the_page_answers(tmp_path: Path) -> None:
-    words = [sys.executable, '-c', WATCHED, 'mbot', '--no-ros', '--viewer', 'web', '--no-open']
-    run = subprocess.Popen([*words, '--duration', '600'], stdout=subprocess.PIPE, text=True)
-    try:
-        assert run.stdout is not None
-        address = run.stdout.readline().removeprefix('viewer: ').strip()
-        with urllib.request.urlopen(address, timeout=PATIENCE) as page:
-            assert page.status == 200
-            assert b'<canvas' in page.read()
-    finally:
-        run.terminate()
-        run.wait(timeout=PATIENCE)

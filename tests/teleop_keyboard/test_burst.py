@@ -49,13 +49,3 @@ def test_a_burst_that_is_handed_over_is_not_heard_twice(spawn, spin_until):
     assert heard == typed
     spin_until(spawn.pump, lambda: not subscription._pending)
     assert heard == typed
-
-
-def test_a_burst_typed_on_a_terminal_is_published_whole(pty_process, listener):
-    process = pty_process('-m', 'teleop_keyboard.key_publisher_node')
-    listener.probe(process)
-    typed = keys_of(BURST)
-    process.type(''.join(typed).encode())
-    listener.wait_for_keys(BURST)
-    listener.settle()
-    assert listener.keys == typed

@@ -54,7 +54,7 @@ def test_keys_arrive_complete_and_in_order_and_idle_costs_nothing(pty_process, l
     assert ''.join(listener.keys) == repeats
 
     listener.keys.clear()
-    burst = (ALPHABET * 2)[:50]
+    burst = (ALPHABET * 77)[:2000]
     process.type(burst.encode())
     listener.settle(len(burst))
     assert ''.join(listener.keys) == burst
@@ -88,7 +88,9 @@ def test_raw_publishes_single_characters_as_the_tutorials(pty_process, listener)
     assert listener.keys == ['w', '\x1b', '[', 'A', 'é', '\r']
 
 
-def test_keys_are_saved_as_a_script(pty_process, listener, tmp_path):
+def test_keys_are_saved_as_a_script_and_ctrl_c_leaves_the_terminal_as_it_was(
+    pty_process, listener, tmp_path
+):
     path = tmp_path / 'saved.keys'
     process = pty_process(*MODULE, '--save-keys', str(path))
     listener.probe(process, 'i')
@@ -96,6 +98,8 @@ def test_keys_are_saved_as_a_script(pty_process, listener, tmp_path):
     listener.settle(4)
     process.type(b'\x03')
     assert process.wait() == 0
+    assert process.attributes == process.before
+    assert b'Traceback' not in process.output
     presses = parse_key_script(path.read_text())
     assert [press.key for press in presses][-4:] == listener.keys == ['w', ' ', 'UP', '*']
     assert [press.time for press in presses] == sorted(press.time for press in presses)
@@ -195,17 +199,11 @@ def test_a_start_that_is_refused_leaves_the_saved_keys(pty_process, ros_domain, 
     assert path.read_text() == '0.1 w\n'
 
 
-@pytest.mark.parametrize(
-    ('name', 'status'), [('Ctrl-C', 0), ('SIGINT', 0), ('SIGTERM', 143), ('SIGHUP', 129)]
-)
-def test_every_signal_leaves_the_terminal_as_it_was(pty_process, listener, name, status):
+def test_a_signal_leaves_the_terminal_as_it_was(pty_process, listener):
     process = pty_process(*MODULE)
     listener.probe(process)
-    if name == 'Ctrl-C':
-        process.type(b'\x03')
-    else:
-        process.process.send_signal(getattr(signal, name))
-    assert process.wait() == status
+    process.process.send_signal(signal.SIGTERM)
+    assert process.wait() == 128 + signal.SIGTERM
     assert process.attributes == process.before
     assert b'Traceback' not in process.output
 
@@ -235,10 +233,10 @@ def test_keys_are_read_from_a_pipe_until_it_ends(listener):
     assert listener.keys == ['i', 'j', 'UP', 'é']
 
 
-@pytest.mark.parametrize('closed', [False, True], ids=['/dev/null', 'closed'])
-@pytest.mark.parametrize('module', ['key_publisher_node', 'teleop_node'])
-def test_without_a_terminal_it_says_so_in_one_line(ros_domain, module, closed):
-    redirection = '<&-' if closed else '</dev/null'
+@pytest.mark.parametrize(
+    ('module', 'redirection'), [('key_publisher_node', '<&-'), ('teleop_node', '</dev/null')]
+)
+def test_without_a_terminal_it_says_so_in_one_line(ros_domain, module, redirection):
     result = subprocess.run(
         ['sh', '-c', f'exec "$0" -m teleop_keyboard.{module} {redirection}', sys.executable],
         capture_output=True,

@@ -2,10 +2,10 @@
 """A drive of mbot on a terminal, saved, and played again: the same robot, to the last digit."""
 
 import json
-import subprocess
-import sys
+import os
 import time
 
+import programs
 import pytest
 from teleop_keyboard.key_script import parse_key_script
 from terminals import PATIENCE
@@ -32,13 +32,9 @@ def test_a_replay_of_a_drive_is_the_drive(pty_process, ros_domain, tmp_path):
     assert keys == list('iiiiijjjjéuuqii')
     report = json.loads(live.read_text())
     end = report['samples']['t'][-1]
-    subprocess.run(
-        [sys.executable, *WASD, str(again), '--play', str(saved), '--duration', str(end)],
-        check=True,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        timeout=PATIENCE,
-    )
+    words = (*WASD[2:], str(again), '--play', str(saved), '--duration', str(end))
+    done = programs.run_wasd(words, tmp_path, dict(os.environ))
+    assert done.returncode == 0, done.stderr
     replayed = json.loads(again.read_text())
     count = min(len(replayed['samples']['t']), len(report['samples']['t'])) - 1
     assert count > 50

@@ -120,7 +120,7 @@ def test_a_held_ctrl_c_stops_the_robot_and_restores_the_terminal(pty_process, li
     assert b'Traceback' not in process.output
 
 
-def test_keys_from_a_pipe_have_their_effect_before_the_end(listener):
+def test_keys_from_a_pipe_have_their_effect_before_the_end_and_are_told_in_plain_lines(listener):
     result = subprocess.run(
         [sys.executable, *MODULE],
         input=b'iii',
@@ -130,6 +130,9 @@ def test_keys_from_a_pipe_have_their_effect_before_the_end(listener):
     )
     assert result.returncode == 0
     assert result.stderr == b''
+    assert b'\x1b' not in result.stdout
+    assert b'Control mbot!' in result.stdout
+    assert b'target forward +0.20' in result.stdout
     listener.wait_for_twist(lambda velocity: velocity.vx > 0.05)
     listener.settle()
     assert max(velocity.vx for velocity in listener.velocities) > 0.05

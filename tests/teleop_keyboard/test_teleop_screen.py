@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dashboard of `teleop` on a real pseudo-terminal, and what there is without one."""
+"""The dashboard of `teleop` on a real pseudo-terminal, and what a dumb one gets."""
 
 import fcntl
 import struct
-import subprocess
-import sys
 import termios
 import time
 
@@ -62,17 +60,6 @@ def test_it_shows_keys_robot_and_connection_and_follows_the_window(pty_process, 
     process.type(b'\x03')
     assert process.wait() == 0
     shows(process, '\x1b[?25h\x1b[?1049l')
-
-
-def test_without_a_terminal_for_the_output_there_are_plain_lines(listener):
-    result = subprocess.run(
-        [sys.executable, *TELEOP], input=b'iii', capture_output=True, timeout=PATIENCE,
-        start_new_session=True,
-    )  # fmt: skip
-    assert result.returncode == 0
-    assert b'\x1b' not in result.stdout
-    assert b'Control mbot!' in result.stdout
-    assert b'target forward +0.20' in result.stdout
 
 
 def test_a_dumb_terminal_gets_plain_lines_in_its_own_characters(pty_process, listener):
