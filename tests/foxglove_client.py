@@ -32,7 +32,7 @@ class FoxgloveClient:
         self.complaints: list[str] = []
         self.time = 0
         self._topics: dict[int, str] = {}
-        self._sent: dict[str, int] = {}
+        self._sent: dict[tuple[str, str, str], int] = {}
 
     def take(self, timeout: float = 0.0) -> None:
         """Read what has come, waiting so long [s] for the first."""
@@ -53,13 +53,14 @@ class FoxgloveClient:
     def publish(self, topic: str, schema: str, data: bytes | dict[str, Any]) -> None:
         """Publish CDR, or fields as JSON."""
         encoding = 'json' if isinstance(data, dict) else 'cdr'
-        if topic not in self._sent:
-            self._sent[topic] = len(self._sent) + 1
-            row = {'id': self._sent[topic], 'topic': topic, 'encoding': encoding}
+        sent = topic, schema, encoding
+        if sent not in self._sent:
+            self._sent[sent] = len(self._sent) + 1
+            row = {'id': self._sent[sent], 'topic': topic, 'encoding': encoding}
             row['schemaName'] = schema
             self._socket.send(json.dumps({'op': 'advertise', 'channels': [row]}))
         text = json.dumps(data).encode() if isinstance(data, dict) else data
-        self._socket.send(struct.pack('<BI', MESSAGE, self._sent[topic]) + text)
+        self._socket.send(struct.pack('<BI', MESSAGE, self._sent[sent]) + text)
 
     def vanish(self) -> None:
         """Be gone without a word, as a process that is killed."""
