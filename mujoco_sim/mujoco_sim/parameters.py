@@ -225,7 +225,7 @@ class Untold:
         )
 
     def as_parameters(self) -> dict[str, float | str]:
-        """Return the simulator's parameters that say the same, by name."""
+        """Return these as the simulator's parameters, by name."""
         payload = ''
         if self.payload is not None:
             payload = f'{self.payload.mass}@{",".join(map(str, self.payload.place))}'

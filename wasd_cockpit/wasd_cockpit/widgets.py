@@ -40,7 +40,7 @@ Place = tuple[float, float]
 
 
 class Drag(NamedTuple):
-    """From where to where of the floor a pointer was dragged [m]; None for a click, or the sky."""
+    """Start and end on the floor of a dragged pointer [m]; None for a click, or the sky."""
 
     start: Place
     end: Place | None
@@ -50,7 +50,7 @@ class Dragging:
     """Watches a pointer that is held down on something, until it is let go."""
 
     def __init__(self) -> None:
-        # Where it was pressed: of the page [pixels], of the floor [m], for which robot.
+        # Where it was pressed: on the page [pixels], on the floor [m], for which robot.
         self._start: tuple[Place, Place | None, int] | None = None
 
     def step(
@@ -59,8 +59,8 @@ class Dragging:
         """
         Take whether it is held in this frame, and for which robot.
 
-        Return how it was dragged, once it is let go. `to_floor` tells what of the floor is at a
-        place of the page now: a later frame may show another there.
+        Return the drag once it is let go. `to_floor` gives the point of the floor at a place of
+        the page now: a later frame may show another one there.
         """
         mouse = imgui.GetMousePos().x, imgui.GetMousePos().y
         if is_held:
@@ -69,7 +69,7 @@ class Dragging:
         start, self._start = self._start, None
         if start is None or start[1] is None or start[2] != robot:
             return None
-        # A hand trembles so far.
+        # A hand trembles: a short drag is a click.
         is_click = math.dist(start[0], mouse) <= LEAST_DRAG
         return Drag(start[1], None if is_click else to_floor(*mouse))
 

@@ -270,7 +270,7 @@ class Guard:
 
 
 class GuardSenses(Senses):
-    """What a guard senses: it is shown scans, and told where odometry leaps."""
+    """The senses of a guard: they give it scans, and tell it that odometry has leapt."""
 
     def __init__(self, guard: Guard) -> None:
         super().__init__()

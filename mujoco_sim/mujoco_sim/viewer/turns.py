@@ -63,7 +63,7 @@ class Turns:
         """Return, once, whether the turn of the one who drives is over."""
         is_over = bool(self.waiting) and (self._is_given or self.remaining == 0.0)
         if is_over:
-            # The next one's hands have just arrived; who does not take it has to ask anew.
+            # The next turn begins now; a browser that does not take it must ask again.
             with self._lock:
                 del self._asked[next(iter(self._asked))]
                 self._is_given = False

@@ -40,7 +40,7 @@ class Heading:
         self.reset()
 
     def reset(self, offset: float = 0.0) -> None:
-        """Believe the IMU, but for an `offset` that is known [rad]."""
+        """Believe the IMU, corrected by a known `offset` [rad]."""
         self.offset = offset
         self.bias = 0.0
         self._variance = self.params.gyro_bias**2  # of the bias

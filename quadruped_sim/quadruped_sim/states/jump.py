@@ -120,12 +120,12 @@ class Jump(OnFeet):
         Motors that fade give less than they are asked for.
         """
         jump = self._parts.params.jump
-        share = min(self._highest / jump.height, 1.0)  # of height and way: so much is lowered
+        share = min(self._highest / jump.height, 1.0)  # that is left of height and way
         up = math.sqrt(2.0 * GRAVITY * share * jump.height)
         drop = (EXTENDED - LANDED) * self._scale('m')
         flight = (up + math.sqrt(up * up + 2.0 * GRAVITY * drop)) / GRAVITY
         faded = up / self._fastest - _FADING
-        # One whose motors know no fastest speed, it is infinite, loses nothing.
+        # Motors without a limit of speed (infinite) lose nothing.
         asked = up if faded <= 0.0 else up + _FADED * faded * faded * self._fastest
         drift = _DRIFT * self._scale('s') * max(up - _DRIFT_FROM * self._scale('m/s'), 0.0)
         way = share * jump.distance / (_AHEAD if jump.distance > 0.0 else _BACK) - drift

@@ -132,7 +132,7 @@ class Policy(AfterTrot, Trotting):
         return self._walker.failure or None
 
     def _rest(self, robot: RobotState) -> None:
-        """Go to the walker's pose first; the command starts at zero once no trot needs it."""
+        """Go to the walker's pose first; the command is zero once the trot has halted."""
         super()._rest(robot)
         if not self._parts.locomotion.gait.is_stepping:
             self._parts.command_filter.reset()

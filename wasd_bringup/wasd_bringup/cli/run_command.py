@@ -129,7 +129,7 @@ class PlainHome:
 
 
 def _uses_ros(options: RunOptions, ros_arguments: Sequence[str]) -> bool:
-    """Return whether a run is on ROS; refuse what needs it where it is not."""
+    """Return whether a run uses ROS; refuse options that need it if it does not."""
     is_there = importlib.util.find_spec('rclpy') is not None
     if is_there and options.uses_ros:
         return True

@@ -45,7 +45,7 @@ TRAIL_EVERY, TRAIL_LENGTH = 10, 600
 # The states that can follow are looked at in one of so many snapshots: ten times a second, or
 # three where the page's pace is that of a hurried simulation.
 CHOICES_EVERY = 3
-# How fast time may be asked to go at least and at most; 0 is as fast as possible.
+# Least and largest speed of time; 0 is as fast as possible.
 SLOWEST, FASTEST = 0.01, 100.0
 
 
@@ -197,7 +197,7 @@ class CockpitBridge:
         elif order.what == 'robot':
             run.switch_to([robot.name for robot in run.robots].index(order.name))
         elif order.what == 'speed' and math.isfinite(order.value):
-            speed = min(max(round(order.value, 2), SLOWEST), FASTEST)  # ImGui's has 24 bits
+            speed = min(max(round(order.value, 2), SLOWEST), FASTEST)  # ImGui's number has 24 bits
             simulation.pacer.speed = speed if order.value > 0.0 else 0.0
             simulation.pacer.restart()
         elif order.what == 'start' and not self._active.robot.say_if_stopped():

@@ -29,7 +29,7 @@ class ControllerFace:
     """
     A controller without a node of its own: cmd_vel and keys drive it, as `Drivers` allow.
 
-    What the robot obeys is told on cmd_vel; messages of ours that come back are dropped.
+    It publishes obeyed velocities on cmd_vel, and drops its own messages that come back.
     """
 
     # Whether its nodes stamp by their clocks, other than in what they answer to messages.

@@ -206,7 +206,7 @@ class RosFaces(Face):
             self.nodes.append(pad.node)
             run.join(pad)
         if self._foxglove is not None:
-            # Here, because who does not ask for it does without.
+            # Here, because few runs need it.
             from wasd_bringup.ros.foxglove import FoxgloveDriver
             from wasd_bringup.ros.foxglove_inbox import Target
 

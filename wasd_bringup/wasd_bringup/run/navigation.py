@@ -25,7 +25,7 @@ from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, margin_of, size_
 SOURCE = 'navigator'
 # The page gets a new map so often at most [s].
 PICTURE_PERIOD = 1.0
-# No two maps of a process have the same: of several robots the page shows one after the other.
+# Maps of a process have different numbers: the page shows those of several robots in turn.
 _NUMBERS = itertools.count()
 
 

@@ -152,7 +152,7 @@ class Run:
         """Return a guard of each robot, if the options ask for it."""
         if not self.options.guard:
             return []
-        # Here, because who does not ask for it does without.
+        # Here, because few runs need it.
         from wasd_bringup.run.guarding import RobotGuard
 
         return [RobotGuard(robot) for robot in self.robots]
@@ -161,7 +161,7 @@ class Run:
         """Return a navigator of each robot, if the options ask for a map."""
         if not self.options.navigates:
             return []
-        # Here, because who does not ask for it does without.
+        # Here, because few runs need it.
         from wasd_bringup.run.navigation import NavigationDriver
 
         made = [NavigationDriver(robot) for robot in self.robots]
@@ -175,7 +175,7 @@ class Run:
         """Return Unitree's interface of each robot with legs, where it was asked for."""
         if self.options.interface is None:
             return []
-        # Here, because who does not ask for it does without.
+        # Here, because few runs need it.
         from wasd_bringup.run.go2 import Go2
         from wasd_bringup.run.unitree import idle_guard, UnitreeDriver
 

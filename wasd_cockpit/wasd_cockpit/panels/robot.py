@@ -101,7 +101,7 @@ class Robot:
         page.widgets.note_field('speed')
         if imgui.IsItemHovered():
             imgui.SetTooltip('speed of time; 0 is as fast as possible')
-        # Who wants time to go slower does not step to 0: that is typed.
+        # The button for slower time does not step to 0; 0 is typed.
         is_step = imgui.IsMouseDown(0) or imgui.IsMouseReleased(0)
         if changed and (speed > 0.0 or not is_step):
             page.link.order(Order('speed', value=speed))

@@ -86,7 +86,7 @@ class Route:
         return self.off > self._parameters.tolerance + 1e-6
 
     def refusal(self, around: Surroundings) -> str | None:
-        """Return why what was asked for is no goal, by no look for a way; None: it may be one."""
+        """Return why the pose asked for is no goal, without a search; None: it may be one."""
         goal = self.asked
         if not np.isfinite(goal).all():
             return f'the goal must be finite numbers, got ({goal[0]}, {goal[1]}, {goal[2]})'
@@ -126,7 +126,7 @@ class Route:
 
     def aim(self, around: Surroundings, pose: np.ndarray) -> None:
         """
-        Take the pose nearest to what was asked for where there is room, as seen from a pose.
+        Aim at the pose with room that is nearest to the one asked for, as seen from a pose.
 
         Where the map grows it may be farther than the tolerance: see `is_to_look`.
         """
@@ -143,7 +143,7 @@ class Route:
         self, around: Surroundings, pose: np.ndarray, tolerance: float, may_be_unknown: bool
     ) -> np.ndarray | None:
         """
-        Return the pose nearest to what was asked for where the robot has room, if there is one.
+        Return the pose with room that is nearest to the one asked for, if there is one.
 
         It is no farther than a tolerance [m], where the map is known unless it `may_be_unknown`,
         and on this side of all walls: a disc as wide as the robot gets there from a pose.
@@ -158,14 +158,14 @@ class Route:
         away = np.hypot(offsets[:, 0], offsets[:, 1])
         near = np.argsort(away, kind='stable')
         places = goal[:2] + offsets[near[away[near] <= tolerance + 1e-9]]
-        # Nobody means the other side of what is in the way.
+        # A goal in an obstacle does not mean the unknown space behind it.
         may_be_unknown &= (
             look_up_each(field, 0, goal[None, :2])[0] > 0.5 * self._footprint.inscribed
         )
         inside = grid.covers(grid.to_cells(places))
         places, cells = places[inside], grid.to_cells(places[inside])
         is_known = ~around.is_unknown[tuple(cells.T)] | may_be_unknown
-        # Most places near an obstacle have no room by far.
+        # Leave out the many places that are far too near to an obstacle.
         is_known &= (
             field.values[0][tuple(cells.T)] > self._footprint.inscribed - 1.5 * grid.resolution
         )
@@ -187,7 +187,7 @@ class Route:
         return None
 
     def _may_go(self, around: Surroundings) -> bool:
-        """Whether all that is in the way at the goal is no wider than what may go away."""
+        """Whether all obstacles at the goal are small enough to be something that may go away."""
         goal = self.asked
         if around.is_windowed and not around.grid.has(goal[:2]):
             around = around.at(goal)
@@ -198,7 +198,7 @@ class Route:
         corner = np.maximum(low, 0)
         near = distances[corner[0] : high[0] + 1, corner[1] : high[1] + 1]
         for cell in np.argwhere(near < 0.0) + corner:
-            # Cells that touch at a corner are of one thing.
+            # Cells that touch at a corner belong to one thing.
             thing = np.argwhere(flood(cell, -distances, -0.55 * grid.resolution))
             if (np.ptp(thing, axis=0) - 1).max() * grid.resolution > _MAY_GO:
                 return False
@@ -309,7 +309,7 @@ class Route:
     def is_shut_off(self, around: Surroundings, pose: np.ndarray) -> bool:
         """Whether not even the middle of a long robot could come to the goal, however it turns."""
         if self._footprint.is_circle or around.is_windowed:
-            return False  # that is what its route is drawn for
+            return False  # its route is drawn to find that out
         field, grid = around.distances, around.grid
         row, column = map(int, grid.to_cells(self.goal[None, :2])[0])
         rows, columns = grid.cells.shape

@@ -27,7 +27,7 @@ _OF_THE_MAP_OF_MOVERS = 0.15
 _REACH = 4.0
 # What is marked is taken to be so deep, as seen from the robot, until its other side is seen [m].
 _DEPTH = 0.4
-# Before there is a map.
+# The grid before there is a map.
 _NOTHING = Grid(np.zeros((0, 0), np.int8), 1.0, (0.0, 0.0))
 
 
@@ -248,7 +248,9 @@ class Surroundings:
         inside = self.grid.covers(cells)
         points, cells = points[inside], cells[inside]
         is_other = self._of_map[tuple(cells.T)] > _OF_THE_MAP_OF_MOVERS
-        is_other &= self.grid.cells[tuple(cells.T)] != UNKNOWN  # all is new there
+        is_other &= (
+            self.grid.cells[tuple(cells.T)] != UNKNOWN
+        )  # everything in unknown cells is new
         is_other |= self.movers.are_at(points)  # the map may have taken in who stands
         self.movers.see(points[is_other], transform(pose, scan.origin[None])[0])
 
