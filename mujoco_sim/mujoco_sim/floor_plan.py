@@ -11,7 +11,7 @@ from mujoco_sim.flats import WALL_HEIGHT
 
 # More boxes than this make physics and lidars slow; cells are then merged, at most so often.
 MOST_BOXES, MOST_MERGED = 5000, 3
-# So much is to be free around the start [m], for two robots side by side; else as much as can be.
+# Free room wanted around the start [m], for two robots side by side; else the most there is.
 AROUND = (0.9, 0.7, 0.5, 0.4, 0.3)
 
 

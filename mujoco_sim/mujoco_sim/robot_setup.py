@@ -54,7 +54,7 @@ class RobotSetup:
     `speed_limits` [rad/s] are the no-load speeds of its motors; a command takes effect
     `command_delay` [s] after it was given; without `noise` sensors tell the truth.
 
-    A robot of which more than `sink` [m] would begin below z = 0 is raised out of the floor.
+    A robot that would begin more than `sink` [m] below z = 0 is raised out of the floor.
     `reflected_inertia` [kg m^2] is what rotors add to joints, instead of the usual. With `imu`
     the robot has one even when its description names none.
 

@@ -21,7 +21,7 @@ class Dynamics(NamedTuple):
 
     `mass` (18, 18); `bias` (18,) is h at the present velocity, gravity included; `momentum` (12,)
     is the legs' part of M v and `momentum_drift` (12,) that of C' v - g, less the joints' drag.
-    `com` (3,) is the centre of mass in base axes [m], of which the mass matrix knows.
+    `com` (3,) is the centre of mass by the mass matrix, base axes [m].
     """
 
     mass: np.ndarray

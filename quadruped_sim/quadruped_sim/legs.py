@@ -59,7 +59,7 @@ class Legs:
             cast(Any, walker).heights = self._heights_around
         self._terrain: Elevation | None = None
         self.notice = Notice()
-        self.answers = True  # keys, in words: not where nobody pressed those that come
+        self.answers = True  # keys, in words; False for keys that nobody pressed
         self.on_said: Callable[[str], None] = lambda text: None
         self.configure(settings or LegNodeParameters())
 

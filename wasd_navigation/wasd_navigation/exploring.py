@@ -20,7 +20,7 @@ from wasd_navigation.se2 import wrap
 
 # A frontier is no shorter than this [m]: what is shorter is a crack between two rays.
 SHORTEST = 0.35
-# For a metre of way at least so much is to be unknown behind a frontier [m^2]. What is left alone
+# Each metre of way must lead to so much unknown area behind a frontier [m^2]. What is left alone
 # near by, as too short, is then not driven back to from far away.
 PER_METRE = 0.03
 # A frontier is seen when nothing is unknown so near to its middle [m].
@@ -132,7 +132,7 @@ class Explorer:
         self._in_vain, self.aim = [], None
 
     def is_seen(self, grid: Grid, pose: np.ndarray) -> bool:
-        """Whether the frontier that is driven to is none any more, or shut off from a pose."""
+        """Whether the frontier it drives to has been seen, or is shut off from a pose."""
         if self.aim is None:
             return True
         distances = self._distances(grid)

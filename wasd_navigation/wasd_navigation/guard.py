@@ -29,18 +29,18 @@ MEMORY, MEMORY_REACH = 10.0, 3.0
 RAY = 0.03
 # What is deeper in the footprint is a part of the robot [m].
 OWN = 0.05
-# A motion is looked at in steps of which each moves no part of the footprint farther [m].
+# A motion is tested in steps that move no part of the footprint farther than this [m].
 STRIDE = 0.02
 # Slower is standing [m/s or rad/s]; and less than this is no nearer [m].
 REST, NO_NEARER = 1e-3, 1e-6
-# Who cannot stop in time goes on no faster than this [m/s].
+# A robot that cannot stop in time goes on no faster than this [m/s].
 SLOW = 0.1
 # The robot may stop sooner than its sure braking says: by these factors of it (x, y, turn), after
 # this share of the reaction time.
 SOONER, SOON = np.array((1.0, 2.0, math.inf)), 1.0 / 3.0
 # A limited command below this counts as zero [m/s], [rad/s].
 LEAST = np.array((0.01, 0.01, 0.02))
-# Of all that is asked for, what is tried, most first; between two it is looked so often once more.
+# Shares of a command to try, largest first; then so many halvings between two of them.
 SHARES, HALVINGS = (1.0, 0.7, 0.4, 0.2, 0.08), 3
 
 
@@ -175,7 +175,7 @@ class Guard:
             return Guarded(asked)
         keep = np.empty(len(points))
         keep_from(points, body, parameters.footprint_padding, keep)
-        # Half of the padding is for the drift of a short way: nobody is locked into a gap.
+        # Half of the padding is for the drift of a short way: no gap locks the robot in.
         clearance = Clearance(keep, parameters.drift, 0.5 * parameters.footprint_padding)
         ahead, nearest = time_to_collision(
             points, clearance, body, asked, parameters.time_before_collision
@@ -424,7 +424,7 @@ def least_room(
     is_quick: bool,
 ) -> float:
     """
-    Return the least room [m], beyond what is to be kept, until the robot stands.
+    Return the least spare room [m] until the robot stands.
 
     From a velocity it follows a command for the reaction time, then brakes. What it is asked to do
     more than it does now it does at once if it `is_quick`, else only as fast as it brakes.

@@ -45,7 +45,7 @@ from wasd_navigation.se2 import compose
 # Locks of the mux that stop navigation, and the name of its source.
 LOCKS = ('pause_navigation', 'e_stop')
 SOURCE = 'navigation'
-# A mux that relays somebody else, or nobody, for so long does not relay us [s].
+# A mux that relays another source, or none, for so long does not relay us [s].
 HEARD_WITHIN = 0.5
 
 
@@ -213,7 +213,7 @@ class NavigatorNode(Node):
         self.navigation.lock(lock, message.data)
 
     def _on_selected(self, message: String) -> None:
-        """Give way to whom the mux lets drive instead."""
+        """Give way to the source that the mux has selected."""
         before, self._selected = self._selected, message.data
         if message.data not in ('', SOURCE) or (before == SOURCE and not message.data):
             self.navigation.stop(f'{message.data or "a lock"} takes over')

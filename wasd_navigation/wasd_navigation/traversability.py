@@ -15,8 +15,8 @@ ABOVE, AROUND = 0.06, 0.12
 NEAR = 2
 # What is no farther than this from an obstacle of the map is that obstacle [m].
 OF_THE_MAP = 0.1
-# An obstacle of the map is none where the ground has an edge of no more than so many times the
-# highest step that can be climbed: it is the riser.
+# An obstacle of the map is a riser, and free, if the ground there has an edge of at most so many
+# times the highest step that can be climbed.
 CLIMBED = 1.2
 # Ground that rises by so much on a ray's way may go on to rise beyond what is seen of it [m].
 RISE = 0.08

@@ -144,7 +144,7 @@ def with_model(tag: LidarTag, name: str) -> LidarTag:
 
 
 def _read_spokes(reader: TagReader) -> tuple[tuple[float, float], ...]:
-    """Return the angles and widths [rad] of `<spokes>`, numbers in turn; none where it is none."""
+    """Return the angles and widths [rad] of `<spokes>`, numbers in turn; () if it is malformed."""
     try:
         numbers = [float(word) for word in reader.word('spokes').split()]
         if len(numbers) % 2 or not all(map(math.isfinite, numbers)):

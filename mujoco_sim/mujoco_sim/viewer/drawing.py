@@ -37,7 +37,7 @@ SCENE_PERIOD, PANEL_PERIOD = 0.012, 0.025
 # thing at a time, each change of threads costs, and a frame of panels as much as several ticks of
 # a leg controller.
 HURRIED_SCENE_PERIOD, HURRIED_PANEL_PERIOD = 0.045, 0.09
-# ... and so often where nobody looks.
+# ... and this often while nobody looks.
 UNSEEN_PERIOD = 0.1
 # A scene waits no longer than so for a picture of the browser, which may be slow or gone [s].
 PICTURE_TIMEOUT = 0.005

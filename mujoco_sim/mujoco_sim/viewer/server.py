@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Studio's web server, made one for this page on this machine and for nobody else."""
+"""Studio's web server, restricted to this page on this machine."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
@@ -165,7 +165,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
 
 
 class _Place:
-    """The driver's place on the page: who has it without ever saying anything gives way."""
+    """The driver's place on the page: a silent browser that holds it gives way."""
 
     def __init__(self, handler: Handler) -> None:
         self._handler = handler

@@ -84,7 +84,7 @@ def find_step_height(
     """
     Advance the roughness `own` (1,) by a tick.
 
-    Return the height of a step [m], and how far the nose of who walks ahead is up [rad].
+    Return the height of a step [m], and how far the nose is up when it walks ahead [rad].
     """
     rule, share = rules[0].gait, rules[0].rough
     left = own[0] * math.exp(-dt / rule.terrain_time)

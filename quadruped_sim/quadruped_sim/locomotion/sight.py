@@ -31,7 +31,7 @@ _FREE = 0.15
 # A foothold is chosen again until the share _DECIDED of the swing. It moves by at most _TURNED
 # times the share of the swing that is left, on the Go2 [m].
 _DECIDED, _TURNED = 0.75, 0.3
-# Ground so far below or above the plane through the feet is none to step on, on the Go2 [m].
+# No foot steps on ground so far below or above the plane through the feet, on the Go2 [m].
 _DEEP, _HIGH = 0.30, 0.35
 # Share of a swing after which a foot is above a foothold that was chosen: a late one falls short.
 _ARRIVAL = 0.85
@@ -40,7 +40,7 @@ _CLEARANCE = 0.05
 # The ground that base height and pitch follow: behind and ahead of the base, and aside, on the
 # Go2 [m]; what of it has to be known; time constant [s].
 _BEHIND, _BEFORE, _BESIDE, _ENOUGH, _TIME = -0.35, 0.50, 0.20, 0.5, 0.12
-# Gaps up to so many cells are none to it, so far ahead and behind it looks for their ends [m].
+# It ignores gaps of up to so many cells; it looks for their ends so far ahead and behind [m].
 _GAP, _BEYOND = 9, 0.25
 # Ground whose cells are farther from its plane than this, root mean square [m], is broken.
 _BROKEN = 0.015

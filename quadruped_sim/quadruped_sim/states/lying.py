@@ -327,7 +327,7 @@ class LieDown(AfterTrot):
 
     @property
     def may_be_low(self) -> bool:
-        """Whether it is on its way down, as it is to be."""
+        """Whether the base may be low: it lies down."""
         return True
 
     @property

@@ -50,7 +50,7 @@ def draw_navigation(navigation: 'NavigationDriver', report: dict[str, Any], path
 
 
 def _known_part(grid: 'Grid') -> 'Grid':
-    """Return the part of a grid of which something is known, with a rim of unknown cells."""
+    """Return the known part of a grid, with a rim of unknown cells."""
     rows, columns = (np.flatnonzero((grid.cells >= 0).any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return grid

@@ -155,7 +155,7 @@ def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:
     """
     Open a page in the desktop's browser; return False if there is no desktop.
 
-    A display that is forwarded over SSH is none: the page is not on the machine that shows it.
+    A display forwarded over SSH does not count: its machine cannot reach the page.
     """
     opener = shutil.which('xdg-open', path=environment.get('PATH'))
     has_display = environment.get('DISPLAY') or environment.get('WAYLAND_DISPLAY')

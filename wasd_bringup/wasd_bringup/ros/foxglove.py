@@ -106,8 +106,8 @@ class FoxgloveServer:
     """
     Serves what this process publishes, from its construction to `close`.
 
-    Only what a client has subscribed to is made and serialised; of latched topics the last
-    messages are kept for who comes late. `now` returns simulated time [ns].
+    Only what a client has subscribed to is made and serialised; it keeps the last messages
+    of latched topics for late clients. `now` returns simulated time [ns].
     """
 
     def __init__(self, port: int) -> None:

@@ -50,7 +50,7 @@ class Gate:
         _start(self._listen)
 
     def close(self) -> None:
-        """Let nobody in any more, and all out."""
+        """Accept no more connections, and close all."""
         for one in (self._listener, *tuple(self._open)):
             _end(one)
             one.close()

@@ -10,7 +10,7 @@ from wasd_core.timing import SHORTEST_ABSENCE, Watchdog
 
 from wasd_bringup.run.robot import Robot, Velocity
 
-# A client that moves a robot is to be heard so often [s of wall time].
+# A client that moves a robot must send at least this often [s of wall time].
 SILENCE = 0.5
 # Messages that come within this time after a pause of this process, or after `disarm`, are from
 # before it [s].

@@ -183,7 +183,7 @@ class Player:
     def __init__(self, events: Sequence[Any]) -> None:
         self._events = sorted(events, key=attrgetter('time'))
         self._next = 0
-        # When it is to be asked next, a simulated time [s]; infinity when all is done.
+        # The simulated time of the next event [s]; infinity after the last.
         self.next_time = -math.inf
 
     def due(self, time: float) -> list[Any]:

@@ -116,7 +116,7 @@ class RunOptions:
 
     @property
     def has_guests(self) -> bool:
-        """Whether somebody may drive who comes and goes."""
+        """Whether drivers may come and go."""
         given = (self.gamepad, self.foxglove, self.interface)
         return any(each is not None for each in given)
 

@@ -19,7 +19,7 @@ from wasd_bringup.run.robot import Robot
 
 # The topic of the lidar that is used where there are several.
 SCAN = 'scan'
-# Room that is kept around who walks [m]: the trunk sways, and feet are put beside their places.
+# Room around a robot that walks [m]: the trunk sways, and feet land beside their places.
 SWAY = 0.06
 # A walk drifts: so much more room for each metre of the way ahead [m/m].
 DRIFT = 0.05
@@ -48,7 +48,7 @@ def lidar_of(robot: RobotTree, option: str = '--map') -> LidarTag:
 
 
 def guard_parameters_of(robot: Robot, enabled: bool = True) -> GuardParameters:
-    """Return the parameters of a robot's guard: more room around who walks."""
+    """Return the parameters of a robot's guard: more room around legs."""
     if len(robot.feet):
         return GuardParameters(enabled=enabled, footprint_padding=SWAY, drift=DRIFT)
     return GuardParameters(enabled=enabled)

@@ -47,7 +47,7 @@ class UnitreeDriver:
         """
         Join the domain of the robot's options, unless there is a wire already.
 
-        `guard` is what programs switch; who has asked for one with --guard keeps it.
+        Programs switch `guard` on and off; one asked for by --guard stays on.
 
         Raises:
             UserError: it cannot be joined.

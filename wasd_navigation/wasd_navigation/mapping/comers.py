@@ -13,9 +13,9 @@ from wasd_navigation.se2 import transform
 # Somebody has come where all cells within this distance have been free [m], by such log-odds, of
 # two scans at least. Nearer to a wall what is seen may be the wall, from a pose that is off.
 OPEN, SURELY_FREE = 0.2, -1.0
-# Who walks on from there along a wall is known by where he was: no farther than this from there
-# [m], in one of so many scans before; all within the last distance [m] has to be free. A wall that
-# is seen from a wrong pose was not there before.
+# A person who walks on along a wall is known by his place before: no farther than this [m], in
+# one of so many scans before; all within the last distance [m] must be free. A wall that is seen
+# from a wrong pose was not there before.
 REACH, BEFORE, BESIDE = 0.3, 3, 0.05
 # What was there so many scans ago, this near [m], stays: it is part of the place.
 STAYS, NEAR = 40, 0.08

@@ -217,7 +217,7 @@ class Mapper:
         near = self._nearest(pose)
         away = np.hypot(*(self._places.poses[near, :2] - pose[:2]).T)
         self._reference, self._recent = int(near[away.argmin()]), near.tolist()
-        self._since = self._since + CARRIED  # how it came here nobody knows; the map does
+        self._since = self._since + CARRIED  # the way here is unknown, the pose is not
         self._scans = 0
         self._mark = np.zeros(3)
         self._show()

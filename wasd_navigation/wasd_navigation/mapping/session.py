@@ -138,7 +138,7 @@ def _read_edges(arrays: dict[str, np.ndarray], count: int) -> Edges:
 
 
 def _floats(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Return an array of finite numbers of a shape, of which -1 may be any."""
+    """Return an array of finite numbers of a shape; -1 stands for any size."""
     array = arrays[name]
     fits = array.dtype == np.float64 and array.ndim == len(shape)
     if not fits or any(w not in (-1, g) for w, g in zip(shape, array.shape, strict=True)):

@@ -73,7 +73,7 @@ class Tracker:
         return bool(math.hypot(*(self.pose - first)[:2]) < STUCK_SHARE * way)
 
     def put(self, pose: np.ndarray, covariance: np.ndarray) -> None:
-        """Believe another pose, of a covariance, of which odometry tells nothing."""
+        """Believe another pose with its covariance, independent of odometry."""
         self.pose = np.array(pose, dtype=float)
         self._joint[:3, :] = self._joint[:, :3] = 0.0
         self._joint[:3, :3] = covariance
@@ -149,7 +149,7 @@ class Tracker:
 def _predict(
     joint: np.ndarray, pose: np.ndarray, said: np.ndarray, move: np.ndarray, growth: np.ndarray
 ) -> np.ndarray:
-    """Return the covariance of pose and scales after a move of which odometry `said` so much."""
+    """Return the covariance of pose and scales after a move; odometry `said` this move."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     F = np.eye(5)
     F[0, 2] = -(sin * move[0] + cos * move[1])

@@ -18,7 +18,7 @@ from wasd_navigation.se2 import wrap
 
 # From so much left on it is looked whether the goal is there straight away [m].
 _DOCKING = 1.5
-# Coming nearer by less than this is none [m].
+# Coming nearer by less than this is no progress [m].
 _NEARER = 0.1
 # No way at all: so long it is waited for one, before that counts as one recovery [s].
 _WAIT = 2.0
@@ -366,7 +366,7 @@ class Driver:
         self._route = self._route_to(route.asked, route.may_be_unknown)
 
     def _may_aim(self, goal: np.ndarray) -> bool:
-        """Whether a place near a goal, which is none, may be one: it is on the map."""
+        """Whether a place near an impossible goal may be the goal: it is on the map."""
         is_map = min(self._around.grid.cells.shape) >= FEWEST
         return is_map and bool(np.isfinite(goal).all()) and self._around.whole.has(goal[:2])
 

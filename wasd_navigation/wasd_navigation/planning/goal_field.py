@@ -18,7 +18,7 @@ from wasd_navigation.planning.surroundings import Surroundings
 
 # Around the goal, so many cells each way get their straight distance: first order errs most there.
 _DISC = 3
-# Ways through cells where nobody may stand cost so much more; only who stands there takes them.
+# Ways through forbidden cells cost so much more; only a robot that stands in one takes them.
 ESCAPE_PRICE = 20.0
 # All cells of a map; as many as a DiscField looks at in one step: 6 ms, 12 on a slow host.
 WHOLE, CELLS = 1 << 40, 40_000

@@ -98,8 +98,8 @@ class Lattice(NamedTuple):
     Places and headings with their values.
 
     `values` and `price`, shape (headings, rows, columns), float32: what is left [m of free way],
-    and what a metre costs; NaN until somebody comes there, infinite where nobody can be, negative
-    where nobody may be, but from which one finds out, at so much: no way leads through. `escapes`,
+    and what a metre costs. Values are NaN until they are computed, infinite where the robot cannot
+    be, negative where it may only leave, at so much: no way leads through. `escapes`,
     uint8, the same shape: steps that lead out from there. `shifts`, int8, shape (headings / 2,
     rows, columns, 2): how far to the left of the place and of the heading the pose is that it
     stands for, in _SHIFTS. `moves`, shape (m, 3): change of heading, row, column. `costs`, shape

@@ -21,8 +21,8 @@ _BEHIND, _LEAST_RADIUS, _SPARE = 0.12, 0.22, 0.04
 _GATE, _LOST = 0.5, 0.7
 # Standard deviations: of a middle [m], of an acceleration [m/s^2], of a velocity at first [m/s].
 _PLACE, _ACCELERATION, _VELOCITY = 0.03, 2.5, 0.7
-# Who moves is faster than this [m/s], and than noise by this factor, has been seen so often, and
-# has left where he was slow last by so much [m].
+# A mover is faster than this [m/s], and than noise by this factor, has been seen so often, and has
+# left its last slow place by so much [m].
 _SLOWEST, _SURELY, _SEEN, _LEFT = 0.25, 1.5, 3, 0.08
 # Who appears nearer than this, as around a corner, is taken to come, so fast [m], [m/s], until he
 # has been seen so often and is slow: what comes into view bit by bit seems to move.
@@ -78,7 +78,7 @@ class _Track:
 
 class Movers:
     """
-    Who moves around the robot.
+    People and robots that move around the robot.
 
     `step` lets time pass, `see` takes what a scan has hit that is not of the map.
     """
@@ -111,7 +111,7 @@ class Movers:
         return np.array(rows).reshape(-1, 5)
 
     def are_at(self, points: np.ndarray) -> np.ndarray:
-        """Return at which points, shape (n, 2) [m], somebody is who has moved lately, bool."""
+        """Return which points, shape (n, 2) [m], belong to a mover that moved lately, bool."""
         at = np.zeros(len(points), bool)
         for one in self._tracks:
             if one.since < _ABOUT:

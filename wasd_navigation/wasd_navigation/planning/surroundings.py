@@ -21,7 +21,7 @@ _LIFE = 3
 # allowed by an error of the heading, up to the latter. Of a box that is less deep than the former
 # before a wall, noise of the ranges marks some cells from near by, in time to stop.
 _OF_THE_MAP, _OF_THE_MAP_FAR, _PER_METRE = 0.06, 0.12, 0.03
-# Who moves is farther than this from all obstacles of the map [m].
+# Movers are farther than this from all obstacles of the map [m].
 _OF_THE_MAP_OF_MOVERS = 0.15
 # Farther hits mark nothing: a small error of the heading is a large one there [m].
 _REACH = 4.0

@@ -36,7 +36,7 @@ from wasd_bringup.tools.messages import field_of, fill, SHOWN_LENGTH, to_yaml, t
 # A rate is printed so often [s].
 HZ_PERIOD = 1.0
 TYPE_NAME = re.compile(r'\w+(/(msg|srv))?/[A-Z]\w*')
-# The last message is on its way for no longer than this when there is nobody to confirm it [s].
+# Time for the last message to leave if nobody confirms it [s].
 FAREWELL = 1.0
 # How `ros2 param get` calls the types of rcl_interfaces/ParameterType, in their order.
 KINDS = (

@@ -104,7 +104,7 @@ class RosGraph:
         return len(node.get_node_names()), len(kinds[0]), len(kinds[1])
 
     def _is_expecting(self) -> bool:
-        """Whether there is a run in this domain and nobody has been seen yet."""
+        """Whether there is a run in this domain whose nodes have not been seen yet."""
         domain = self.node.context.get_domain_id()
         is_alone = len(self.node.get_node_names()) < 2
         return is_alone and any(run.domain == domain for run in running())

@@ -190,7 +190,7 @@ class ReplayView:
         self._view.sync()
 
     def _due(self, started: float) -> float:
-        """Return the wall time [s] at which the present message is to be shown."""
+        """Return the wall time [s] at which to show the present message."""
         if self._speed == 0.0:
             return started
         return started + 1e-9 * (self._shown - self._bag.start) / self._speed
