@@ -56,6 +56,8 @@ _NO_FOOT = np.zeros(4)
 # Answers to the key p without a policy, and to v on a robot that can hardly lift itself.
 NO_POLICY = 'start with --policy FILE (there is no policy to play)'
 NO_JUMP = 'motors too weak or too slow to jump'
+# States in which its feet tell how the ground rises on its way.
+_WALKING = (StateName.TROTTING, *FOLLOWING)
 # States that need no fresh readings, and keys that lead to them.
 _HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
 _HELD_KEYS = '127'
@@ -469,10 +471,10 @@ class LegController:
         assert reading.imu is not None  # `filter_reading` lets none without one through
         measured = reading.imu.orientation, self._measured
         read_legs(self._geometry, robot.flat, joints.position, joints.velocity, *measured)
-        is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
-        normal = self.locomotion.normal() if is_trotting else _UP
+        is_walking = self._machine.state in _WALKING
+        normal = self.locomotion.normal() if is_walking else _UP
         if truth is None or not self._uses_truth:
-            self._filter(reading.imu, normal, is_trotting, dt)
+            self._filter(reading.imu, normal, is_walking, dt)
         else:
             base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
         return robot, self._feel(joints.effort, normal, dt)

@@ -110,3 +110,16 @@ def test_p_pressed_while_a_run_halts_waits_for_the_halt():
             tilts.append(dog.truth.tilt)
         assert dog.state == 'policy'
         assert max(tilts) < 0.3
+
+
+@pytest.mark.slow
+def test_odometry_rises_with_a_network_that_walks_up_a_slope():
+    dog = wasd.Go2('slope:5', seed=1, policy='ours')
+    for key, seconds in (('2', 2.5), ('p', 1.2)):
+        dog.press(key)
+        dog.run(seconds)
+    start = dog.truth.position[2] - dog.odometry.position[2]
+    dog.drive(0.8)
+    dog.run(3.5)
+    assert dog.truth.position[2] > 0.4
+    assert dog.truth.position[2] - dog.odometry.position[2] == pytest.approx(start, abs=0.05)

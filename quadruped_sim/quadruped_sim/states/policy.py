@@ -10,6 +10,7 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import command_bounds, JointCommand, JointTargets, Senses
 from wasd_core.timing import ROUNDING
 
+from quadruped_sim.estimation.ground import follow_plane
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.driving import (
@@ -64,11 +65,22 @@ class Walker(Protocol):
 
 
 @jit
-def _find_trust(trust: np.ndarray, robot: np.ndarray, dt: float) -> None:
-    """Trust feet (4,) that touch, more with time: no schedule says which stand."""
-    is_contact = robot[0].is_contact
+def _feel_feet(
+    trust: np.ndarray, robot: np.ndarray, ground: np.ndarray, rules: np.ndarray, dt: float
+) -> None:
+    """
+    Trust feet (4,) that touch, more with time: no schedule says which stand.
+
+    Those that are trusted wholly tell where the ground is, a flat `Plane`.
+    """
+    own, radius = robot[0], rules[0].geometry.foot_radius
+    points, tells = np.empty((4, 3)), np.zeros(4, dtype=np.bool_)
     for i in range(4):
-        trust[i] = min(trust[i] + dt / TRUST_TIME, 1.0) if is_contact[i] else 0.0
+        trust[i] = min(trust[i] + dt / TRUST_TIME, 1.0) if own.is_contact[i] else 0.0
+        tells[i] = trust[i] == 1.0
+        for k in range(3):
+            points[i, k] = own.feet[i, k] - (radius if k == 2 else 0.0)
+    follow_plane(ground, points, tells, rules, dt)
 
 
 @jit
@@ -123,7 +135,7 @@ class Policy(AfterTrot, Trotting):
         self._low, self._high = command_bounds(walker.ranges)
         # What is compiled is loaded now, not while the robot stands and waits.
         blank = RobotState.blank().flat
-        _find_trust(np.zeros(4), blank, 0.0)
+        self._feel(np.zeros(4), blank, 0.0)
         self._sense(blank)
 
     @property
@@ -136,6 +148,7 @@ class Policy(AfterTrot, Trotting):
         super()._rest(robot)
         if not self._parts.locomotion.gait.is_stepping:
             self._parts.command_filter.reset()
+            self._parts.locomotion.reset(robot)
         self._walker.reset()
         self._default = self._sign * self._walker.default[self._ours] + self._zero
         self._held: JointCommand | None = None
@@ -168,7 +181,7 @@ class Policy(AfterTrot, Trotting):
             share = smooth(self._time / SETTLE_TIME)
             pose = self._start + share * (self._default - self._start)
             return stiff_command(self._parts.model, pose)
-        _find_trust(self.trust, robot.flat, dt)
+        self._feel(self.trust, robot.flat, dt)
         self._waited += dt
         if self._held is None or self._waited > self._walker_due_after - ROUNDING:
             self._held = self._walk(robot, self._waited)
@@ -188,6 +201,10 @@ class Policy(AfterTrot, Trotting):
         position, kp, kd = self._walker.step(senses, command, dt)
         position = self._sign * position.take(self._ours) + self._zero
         return JointCommand(position, _ZERO, _ZERO, kp.take(self._ours), kd.take(self._ours))
+
+    def _feel(self, trust: np.ndarray, robot: np.ndarray, dt: float) -> None:
+        locomotion = self._parts.locomotion
+        _feel_feet(trust, robot, locomotion.ground.flat, locomotion.rules, dt)
 
     def _sense(self, robot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return velocity in base axes (3,), positions and velocities of the walker's joints."""
