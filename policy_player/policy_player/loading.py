@@ -17,7 +17,7 @@ def load_policy(path: str | None, config: str | None) -> Any:
     """
     if path is None:
         if config is not None:
-            raise UserError('policy_config needs a network: set policy')
+            raise UserError('policy_config needs a network: give one as policy (--policy FILE)')
         return None
     # Here, because few play one.
     from policy_player.player import Player

@@ -35,7 +35,7 @@ def test_the_node_alone_plays_the_network_that_it_names(ros):
     ('values', 'words'),
     [
         ({'policy': 'nowhere.onnx'}, 'nowhere.onnx'),
-        ({'policy_config': 'legged_gym'}, 'policy_config needs a network: set policy'),
+        ({'policy_config': 'legged_gym'}, 'policy_config needs a network: give one'),
     ],
 )
 def test_a_wrong_one_is_said_in_a_line(ros, values, words):
