@@ -66,6 +66,14 @@ def share_standing(state):
     return state.stance_time / period(state)
 
 
+def test_a_push_is_smaller_for_a_slower_robot():
+    for speed, name in ((1.0, 'walk'), (0.5, 'trot')):
+        gait = Gait(GaitParameters(name='walk'), speed)
+        for _ in range(500):
+            gait.step(DT, 0.2, True, error=0.6)  # counts as 0.75 m/s
+        assert gait._reached is GAITS[name]
+
+
 def test_the_error_of_a_ramp_does_not_hasten_it():
     gait = Gait(GaitParameters())
     assert gait.step(DT, 0.5, True, error=0.35).pace == gait.step(DT, 0.5, True).pace

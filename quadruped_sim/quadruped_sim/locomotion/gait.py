@@ -12,8 +12,8 @@ from quadruped_sim.tuning import GaitParameters
 # How fast a gait becomes another while the legs move: shares of a period, and of each of the
 # row's other numbers, per second.
 _GLIDE = 0.6
-# A robot that haste makes so much faster was pushed [m/s]: it steps as in a trot, whose feet stand
-# widest, and comes to that so fast, in the same shares.
+# A robot that haste makes so much faster, on the Go2 [m/s], was pushed: it steps as in a trot,
+# whose feet stand widest, and comes to that so fast, in the same shares.
 _PUSHED, _CATCH = 1.0, 2.0
 # How far the share of the period that feet stand follows haste. A pushed robot steps quickly but
 # must be carried: with the flight phases of a fast trot, one that is loaded sinks to its knees.
@@ -48,7 +48,9 @@ class Gait:
     `step(dt, ...)` advances it.
     """
 
-    def __init__(self, params: GaitParameters) -> None:
+    def __init__(self, params: GaitParameters, speed: float = 1.0) -> None:
+        """Take a robot whose speeds are those of a Go2 times `speed`."""
+        self._pushed = _PUSHED * speed
         self.tune(params)
         self.reset()
 
@@ -98,7 +100,7 @@ class Gait:
         params = self.params
         pushed = params.haste_gain * (error - params.haste_error)
         self._haste = max(self._haste - params.haste_decay * dt, pushed, 0.0)
-        is_pushed = self._haste > _PUSHED
+        is_pushed = self._haste > self._pushed
         row = self._next(GAITS['trot' if is_ending or is_pushed else params.name])
         glide = _CATCH if is_pushed else _GLIDE
         self._glide(row, glide * dt if self.is_stepping else math.inf)
