@@ -45,22 +45,26 @@ def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
 
 
 @pytest.fixture
-def asking(new_runner: Any, isolated_ros: int, spawn: Any, spin_until: Any) -> Iterator[Any]:
-    """A `wasd params late_node` that has begun to look; no other node is there."""
+def ask_late(ros: None, new_runner: Any, isolated_ros: int) -> Iterator[Any]:
+    """Return a function that starts `wasd params late_node`; it has begun to look, all alone."""
     import rclpy
 
-    watcher = spawn(rclpy.create_node('_watcher'))
-    process = new_runner(isolated_ros).start(
-        'params', 'late_node', stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    spin_until(
-        spawn.pump,
-        lambda: any(name.startswith('_wasd_') for name in watcher.get_node_names()),
-        timeout=PATIENCE,
-    )
-    yield process
-    process.kill()
-    process.communicate()
+    processes = []
+
+    def start() -> Any:
+        watcher = rclpy.create_node('_watcher')
+        process = new_runner(isolated_ros).start(
+            'params', 'late_node', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        processes.append(process)
+        wait_until(lambda: any(name.startswith('_wasd_') for name in watcher.get_node_names()))
+        watcher.destroy_node()
+        return process
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.communicate()
 
 
 def answer(process: Any, spawn: Any, spin_until: Any) -> str:
@@ -75,33 +79,25 @@ def answer(process: Any, spawn: Any, spin_until: Any) -> str:
 
 
 def test_params_waits_while_a_robot_appears_piece_by_piece(
-    asking: Any, spawn: Any, spin_until: Any
+    ask_late: Any, spawn: Any, spin_until: Any
 ) -> None:
     import rclpy
 
+    process = ask_late()
     for number in range(3):
         spawn(rclpy.create_node(f'piece_{number}'))
         time.sleep(1.8)
-    assert '  use_sim_time\n' in answer(asking, spawn, spin_until)
+    assert '  use_sim_time\n' in answer(process, spawn, spin_until)
 
 
 def test_params_waits_for_a_run_that_it_knows_to_be_there(
-    isolated_ros: int, new_runner: Any
+    ask_late: Any, isolated_ros: int, spawn: Any, spin_until: Any
 ) -> None:
     with claim(isolated_ros, ['/']):
-        process = new_runner(isolated_ros).start(
-            'params', 'twist_mux', stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
-        time.sleep(6.0)
+        process = ask_late()
+        time.sleep(6.0)  # without one it would have given up
         assert process.poll() is None, process.communicate()[1]
-        late = programs.start([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
-        try:
-            said, errors = process.communicate(timeout=PATIENCE)
-        finally:
-            late.terminate()
-            late.wait(PATIENCE)
-    assert process.returncode == 0, errors
-    assert '  use_sim_time\n' in said
+        assert '  use_sim_time\n' in answer(process, spawn, spin_until)
 
 
 @pytest.fixture(scope='module')

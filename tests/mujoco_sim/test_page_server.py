@@ -7,7 +7,6 @@ import contextlib
 import ctypes
 import gc
 import http.client
-import itertools
 from pathlib import Path
 import socket
 import time
@@ -20,6 +19,7 @@ from mujoco_sim.viewer import turns
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView, WebView
 from mujoco_sim.world import build_world
+import numpy as np
 from page_puppet import code, input_packet, PagePuppet, VERSION_PACKET
 import pytest
 from terminals import PATIENCE, wait_until
@@ -188,9 +188,8 @@ def test_nobody_takes_the_robot_from_a_driver_who_is_there(view, port):
         with connect(f'ws://127.0.0.1:{port}/state?sid=foreign') as state:
             state.send('force_control')
             assert 'controller' not in roles(state, 1.5)
-        before = page.frames
+        page.draw()
         page.tap('I')
-        assert page.frames > before
         wait_until(lambda: 'i' in view.pressed_keys())
 
 
@@ -242,7 +241,7 @@ def test_control_that_is_asked_for_goes_when_it_is_given_or_the_driver_rests(
             page.keys = set()
             if way == 'given':
                 view.input.turns.give()
-            assert wait_for_grant(state, 5.0)
+            assert wait_for_grant(state, PATIENCE)
             assert view.pressed_keys()[-1] in ('LOST', 'RELEASE+i')
             with PagePuppet(view.url, session='second') as other:
                 wait_until(lambda: view.input.turns.waiting == 0)
@@ -259,7 +258,7 @@ def test_who_asks_for_control_and_does_not_take_it_ends_one_turn_alone(view, por
         with PagePuppet(view.url, session='first') as page:
             page.draw()
             idle.send('request_control')
-            assert wait_for_grant(idle, 5.0)
+            assert wait_for_grant(idle, PATIENCE)
         with PagePuppet(view.url, session='first', patience=PATIENCE) as page:
             assert not wait_for_grant(idle, 1.0)
             page.draw()
@@ -277,7 +276,7 @@ def test_what_waits_behind_the_message_that_ends_control_makes_nobody_drive(view
                 view.input.turns.give()
                 for _ in range(12):
                     page.socket.send(input_packet(set()))
-            assert wait_for_grant(state, 5.0)
+            assert wait_for_grant(state, PATIENCE)
             with PagePuppet(view.url, session='second') as other:
                 other.draw()
     wait_until(lambda: not view.input.is_watched)
@@ -311,9 +310,8 @@ def test_who_opened_the_page_first_and_says_nothing_keeps_nobody_out(
             mute.send(packet)
         time.sleep(1.0)
         with PagePuppet(view.url) as page:
-            time.sleep(0.5)
+            page.draw()
             page.tap('I')
-            assert page.frames > 0
             wait_until(lambda: 'i' in view.pressed_keys())
 
 
@@ -327,9 +325,9 @@ def test_a_page_that_has_fallen_silent_keeps_nobody_out(view, port):
             state.send('force_control')
             time.sleep(1.0)
             with PagePuppet(view.url) as page:
-                time.sleep(0.5)
+                page.draw()
                 page.tap('I')
-                assert 'controller' in roles(state, 0.5)
+                wait_until(lambda: 'controller' in roles(state, 0.1))
     wait_until(lambda: 'i' in view.pressed_keys())
 
 
@@ -337,32 +335,35 @@ def test_a_page_that_has_fallen_silent_keeps_nobody_out(view, port):
 @pytest.mark.parametrize('rate', [2.0, 4.0, 20.0])
 def test_a_browser_is_sent_no_more_panels_than_it_draws(view, rate):
     with PagePuppet(view.url, rate) as page:
-        time.sleep(1.0)
+        wait_until(lambda: page.frames)
         frames, pictures = page.frames, page.pictures
-        time.sleep(3.0)
+        wait_until(lambda: page.pictures >= pictures + 3 * rate)
         assert 0 < page.frames - frames <= page.pictures - pictures + 2
 
 
 @pytest.mark.slow
 def test_what_the_panels_of_a_slow_page_say_is_never_older_than_two_pictures(view):
     with PagePuppet(view.url, rate=2.0) as page:
-        time.sleep(7.0)
-        shown = page.shown[2:]  # after the connection was made
+        wait_until(lambda: len(page.shown) >= 12)
+        shown = np.array(page.shown[2:])  # after the connection was made
     # A frame is built when a picture was heard. Each picture shows one that was built after the
-    # picture before, none queues: the next picture, 2 * 0.5 s after that, replaces it.
-    assert len(shown) >= 8
-    assert {after - before for before, after in itertools.pairwise(shown)} == {1}
+    # picture before, or, where a busy machine was late, after the one before that; none queues.
+    assert (shown[2:] > shown[:-2]).all(), shown
+    behind = np.arange(len(shown)) - (shown - shown[0])
+    assert np.ptp(behind) <= 1, shown
 
 
 @pytest.mark.slow
 def test_a_silent_browser_is_sent_no_panels(view):
     with PagePuppet(view.url) as page:
-        time.sleep(0.5)
+        page.draw()
         page.is_silent = True
-        time.sleep(0.2)
-        frames = page.frames
+        frames = -1
+        while frames != page.frames:  # what is on its way
+            frames = page.frames
+            time.sleep(0.5)
         time.sleep(2.0)
-        assert page.frames == frames > 0
+        assert page.frames == frames
 
 
 @pytest.mark.slow
@@ -372,7 +373,7 @@ def test_input_that_is_none_of_studios_drives_nothing_and_is_told(view, port, ca
         page.socket.send(b'\x00' * 64)
         page.hold('I', seconds=0.3)
         assert 'i' not in view.pressed_keys()
-    assert 'the page cannot drive' in caplog.text
+    wait_until(lambda: 'the page cannot drive' in caplog.text)
 
 
 def test_the_page_is_worked_on_as_often_as_somebody_looks(view, port):
