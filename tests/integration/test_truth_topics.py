@@ -2,6 +2,7 @@
 """What `wasd mbot` says of itself in a recording: its error, its slip, what it sees."""
 
 from collections.abc import Callable
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,14 @@ from rosbags.typesys import get_typestore, Stores
 
 pytestmark = pytest.mark.slow
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 ARC = '0 0.4 0 0.6\n2 0 0 0'
 Messages = dict[tuple[int, int], Any]
+
+
+@functools.cache
+def store() -> Any:
+    """Return the types of ROS as rosbags knows them: to load them takes half a second."""
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def read(path: Path, topic: str) -> Messages:
@@ -23,7 +29,8 @@ def read(path: Path, topic: str) -> Messages:
     reader.open()
     (connection,) = (one for one in reader.connections if one.topic == topic)
     data = [
-        STORE.deserialize_cdr(raw, connection.msgtype) for *_, raw in reader.messages([connection])
+        store().deserialize_cdr(raw, connection.msgtype)
+        for *_, raw in reader.messages([connection])
     ]
     reader.close()
     return {(one.header.stamp.sec, one.header.stamp.nanosec): one for one in data}
