@@ -254,6 +254,24 @@ def test_damp_lets_go_in_the_midst_of_anything(standing):
 
 
 @pytest.mark.slow
+def test_buttons_count_again_after_a_program_that_held_them_has_died(standing):
+    def damp():
+        for _ in range(25):
+            remote = Remote(down=frozenset({'L2', 'B'}))
+            standing.wire.come['rt/wirelesscontroller'].append(remote.message())
+            standing.run(0.02)
+
+    damp()
+    assert standing.state == 'passive'
+    standing.run(2.0)
+    standing.call('sport', STAND_UP)
+    standing.run(2.5)
+    assert standing.state == 'fixed stand'
+    damp()
+    assert standing.state == 'passive'
+
+
+@pytest.mark.slow
 def test_the_remote_of_a_program_drives_and_its_silence_stops(standing):
     def hold(seconds, **sticks):
         for _ in range(round(seconds / 0.02)):

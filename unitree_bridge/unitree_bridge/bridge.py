@@ -78,7 +78,7 @@ class Bridge:
         self._wanted: list[FrontVideo | LidarTopics] = []
         self.services = self._make_services()
         self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
-        self._sticks = Watchdog(_REMOTE_SILENCE)
+        self._sticks, self._buttons = Watchdog(_REMOTE_SILENCE), Watchdog(_REMOTE_SILENCE)
         self._ignores_sticks = False  # of the remote, until they are centred
         self._down: frozenset[str] = frozenset()
         self._answers = False  # the program that commands the motors
@@ -253,16 +253,19 @@ class Bridge:
         """Drive as a program says by wirelesscontroller that a hand does."""
         was_held = self._sticks.is_alive
         self._sticks.step(dt)
+        self._buttons.step(dt)
         for raw in self._wire.take(topics.REMOTE) if has_come else ():
             try:
                 self._take_remote(read_remote(raw))
             except InvalidMessage as error:
                 self._say(f'wirelesscontroller ignored: {error}')
-        if was_held and not self._sticks.is_alive:
+        if not self._buttons.is_alive:
             self._down = frozenset()
+        if was_held and not self._sticks.is_alive:
             self.motion.stop()
 
     def _take_remote(self, remote: Remote) -> None:
+        self._buttons.hear()
         if not self._sport.follows_remote or self.low.is_released:
             return
         pressed, self._down = remote.down - self._down, remote.down
