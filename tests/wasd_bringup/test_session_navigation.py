@@ -317,6 +317,9 @@ def test_exploring_that_others_ask_for_after_the_pages_does_not_end_with_it(
     session.simulation.advance(500)
     navigates = navigation(session)
     monkeypatch.setattr(navigates.navigator.locator, 'grows', True, raising=False)
+    navigates.unit.lock('e_stop', True)
+    assert navigates.no_exploring == 'e_stop is on'
+    navigates.unit.lock('e_stop', False)
     navigates.explore(from_page=True)
     session.press('i')
     session.press('k')

@@ -235,6 +235,11 @@ def test_a_service_explores_where_a_map_grows(rig):
     assert (answer.success, rig.navigation.is_exploring) == (False, False)
     assert 'saved' in answer.message
     rig.navigator.locator.grows = True
+    rig.navigation.lock('e_stop', True)
+    answer = call(rig.node, 'explore')
+    assert (answer.success, rig.navigation.is_exploring) == (False, False)
+    assert answer.message == 'cannot explore: e_stop is on'
+    rig.navigation.lock('e_stop', False)
     assert call(rig.node, 'explore').success
     assert rig.navigation.is_exploring
     assert call(rig.node, 'cancel').success is False  # no goal yet, but it explores no more

@@ -153,7 +153,7 @@ class RobotNavigator:
 
     def go(self, goal: np.ndarray) -> None:
         """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
-        if refusal := self._refusal or self._refusal_of(goal):
+        if refusal := self.no_driving or self._refusal_of(goal):
             self.stop(REPLACED)
             self.navigator.refuse(refusal, goal)
         else:
@@ -171,7 +171,7 @@ class RobotNavigator:
         self._end_waypoints(Outcome('cancelled', REPLACED))
 
     @property
-    def _refusal(self) -> str:
+    def no_driving(self) -> str:
         """Why nothing can be driven to now, '' where it can."""
         return ' and '.join(f'{lock} is on' for lock in sorted(self.locks)) or self.refusal()
 
@@ -185,7 +185,7 @@ class RobotNavigator:
     def follow(self, waypoints: Waypoints) -> None:
         """Drive to goals one after another, from now on."""
         self._begin_another()
-        if refusal := self._refusal:
+        if refusal := self.no_driving:
             self.stop(REPLACED)
             self.navigator.refuse(refusal, waypoints.goal)
             waypoints.tell(Outcome('refused', refusal))
@@ -202,7 +202,7 @@ class RobotNavigator:
     def _drive_on(self, waypoints: Waypoints) -> None:
         """Drive to the next waypoint."""
         goal = waypoints.goal
-        if refusal := self._refusal:
+        if refusal := self.no_driving:
             self._end_waypoints(Outcome('cancelled', refusal))
         elif refusal := self._refusal_of(goal):
             self.navigator.refuse(refusal, goal)
@@ -225,8 +225,10 @@ class RobotNavigator:
         Drive to frontiers of the unknown, until none is left that can be reached; then back.
 
         Raises:
-            UserError: its map does not grow.
+            UserError: its map does not grow, or nothing can be driven to now.
         """
+        if refusal := self.no_driving:
+            raise UserError(f'cannot explore: {refusal}')
         if not self.navigator.is_mapping:
             raise UserError('exploring makes a map: this one was saved, and stays as it is')
         self.stop('it explores from now on')
@@ -237,7 +239,7 @@ class RobotNavigator:
     def _explore(self, explorer: Explorer, dt: float) -> None:
         """Set the next goal where the last one is done with, or seen from afar."""
         navigator, pose = self.navigator, self.navigator.pose
-        if pose is None or not navigator.is_placed or self.locks or self.refusal():
+        if pose is None or not navigator.is_placed or self.refusal():
             return
         if not self._has_begun:
             self._home, self._has_begun = pose.copy(), True

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from wasd_cockpit.link import Navigation, PlanarPose
+from wasd_core.errors import UserError
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.records import Grid
@@ -102,7 +103,7 @@ class NavigationDriver:
         Map by itself; one `from_page` goes on while the page does.
 
         Raises:
-            UserError: it drives in a saved map.
+            UserError: it drives in a saved map, or cannot drive now.
         """
         self.unit.explore()
         self._explores_for_page = from_page
@@ -112,7 +113,7 @@ class NavigationDriver:
         """Why it cannot explore now, '' where it can."""
         if not self.navigator.is_mapping:
             return 'the map was saved, and stays as it is'
-        return 'it explores' if self.unit.is_exploring else self.robot.refusal
+        return 'it explores' if self.unit.is_exploring else self.unit.no_driving
 
     def lose_page(self) -> None:
         """End a goal that the page has asked for: nobody sees any more where it leads."""
@@ -137,7 +138,10 @@ class NavigationDriver:
         is_free = self.navigator.goal is None and not self.robot.refusal
         if self._explores and is_free and self.navigator.is_placed:
             self._explores = False
-            self.unit.explore()
+            try:
+                self.unit.explore()
+            except UserError as error:
+                self.robot.say(str(error))
         is_free = is_free and not self.unit.is_exploring
         if self._goals and is_free and self.navigator.is_placed:
             goals, self._goals = list(map(np.array, self._goals)), ()
