@@ -4,14 +4,33 @@
 from itertools import permutations
 import math
 
+from navigation_stand_ins import odometry
 import numpy as np
 import pytest
 from wasd_navigation.exploring import begin_tour, Explorer, frontiers
 from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning.distances import measure_distances
-from wasd_navigation.records import Grid
+from wasd_navigation.records import Grid, read_scan
+from wasd_navigation.robot_navigator import RobotNavigator
 
 HERE = np.array((1.0, 2.0, 0.0))
+
+
+@pytest.mark.slow
+def test_it_waits_for_a_lidar_that_sees_nothing_yet() -> None:
+    unit, angles = RobotNavigator(), np.linspace(-math.pi, math.pi, 360)
+    unit.navigator.move(odometry())
+    unit.explore()
+    for tick in range(80):
+        ranges = np.full(360, 0.0 if tick < 40 else 2.0)
+        ranges[150:210] = 0.0 if tick < 40 else math.inf
+        unit.navigator.move(odometry(x=1e-6 * tick))
+        unit.navigator.see(read_scan(ranges, angles, (0.1, 6.0), np.zeros(3)), odometry())
+        unit.step(0.05 * tick)
+        if tick < 40:
+            assert unit.is_exploring
+            assert unit.navigator.goal is None
+    assert unit.navigator.goal is not None
 
 
 def room(*unknown: tuple[float, float, float, float], walls=()) -> Grid:

@@ -241,6 +241,8 @@ class RobotNavigator:
         navigator, pose = self.navigator, self.navigator.pose
         if pose is None or not navigator.is_placed or self.refusal():
             return
+        if not navigator.grid.cells.size:  # a lidar that spins up sees nothing
+            return
         if not self._has_begun:
             self._home, self._has_begun = pose.copy(), True
         self._explored += dt

@@ -167,7 +167,8 @@ class Mapper:
         surface = find_surface(scan, noise)
         if first:
             self._tracker.put(odometry, np.zeros((3, 3)))
-            self._keep(scan, surface)
+            if len(scan.ends):  # a lidar that spins up tells nothing
+                self._keep(scan, surface)
         else:
             self._follow(scan, surface, move)
             self._scans += 1
