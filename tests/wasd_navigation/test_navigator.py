@@ -47,6 +47,17 @@ def test_a_goal_without_a_yaw_has_that_of_the_line_to_it():
     assert driven.goal[2] == pytest.approx(math.pi / 4.0)
 
 
+def test_such_a_yaw_is_that_from_where_the_robot_turns_out_to_be():
+    lost = navigator()
+    lost.locator.is_found, lost.locator.correction = False, np.array([5.0, 5.0, 0.0])
+    lost.set_goal(np.array([1.0, 2.0, math.nan]))
+    lost.step(DT)
+    lost.locator.is_found, lost.locator.correction = True, np.array([0.0, 1.0, 0.0])
+    lost.step(DT)
+    assert lost.goal[2] == lost.last_goal[2] == pytest.approx(math.pi / 4.0)
+    assert lost.pilot.goals[-1] is lost.goal
+
+
 def test_the_pilot_sees_a_scan_once_and_from_where_the_robot_is_now():
     driven = navigator()
     driven.set_goal(GOAL)

@@ -89,6 +89,7 @@ class Navigator:
         self._fresh, self._sighted = Watchdog(SILENCE), Watchdog(silence)
         self._waited = 0.0  # without a break, with a goal [s]
         self._was_placed = False  # since the goal came
+        self._awaits_yaw = False  # until it is known where the robot is
         self._seen: tuple[Scan, np.ndarray] | None = None
         self._grid: Grid | None = None
         # Of the map that is planned on; of the locator's and of the ground in it.
@@ -198,6 +199,7 @@ class Navigator:
         """
         if self.goal is not None:
             self._end(Outcome('cancelled', REPLACED))
+        self._awaits_yaw = math.isnan(goal[2]) and not self.is_placed
         goal = self._with_yaw(goal)
         self.goal = self.last_goal = goal
         self.outcome, self.elapsed = None, 0.0
@@ -243,6 +245,10 @@ class Navigator:
             self._wait(missing, dt)
             return np.zeros(3)
         self._waited, self._was_placed = 0.0, True
+        if self._awaits_yaw:
+            self._awaits_yaw = False
+            self.goal = self.last_goal = self._with_yaw(np.array((*self.goal[:2], math.nan)))
+            self.pilot.set_goal(self.goal, self.is_mapping)
         if self.elapsed > STUCK_AFTER and getattr(self.locator, 'is_stuck', False):
             self.pilot.cancel()
             self._end(Outcome('failed', self.notice))
