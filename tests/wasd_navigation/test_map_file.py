@@ -109,6 +109,7 @@ GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
         (GOOD.replace('m.pgm', 'map.yaml'), 'map.yaml: wanted a picture, PGM or PNG'),
         (GOOD.replace('m.pgm', 'empty.pgm'), 'empty.pgm: the file is empty'),
         (GOOD.replace('m.pgm', 'cut.pgm'), 'cut.pgm: no picture: image file is truncated'),
+        (GOOD.replace('m.pgm', 'damaged.png'), 'damaged.png: no picture: broken PNG file'),
         (GOOD.replace('m.pgm', 'flat.pgm'), 'wanted at least 3 x 3 pixels, got 300 x 1'),
         (GOOD.replace('m.pgm', '"a\\nb"'), 'a b: no such file'),
         (GOOD + 'free_thresh: 0.9\n', 'free_thresh <= occupied_thresh <= 1, got 0.9 and 0.65'),
@@ -121,6 +122,10 @@ def test_what_is_no_map_is_refused_in_one_line(text: str, said: str, tmp_path: P
     (tmp_path / 'empty.pgm').write_bytes(b'')
     (tmp_path / 'cut.pgm').write_bytes(b'P5 100 100 255\n' + bytes(50))
     (tmp_path / 'large.pgm').write_bytes(b'P5 8000 8000 255\n')
+    Image.open(tmp_path / 'm.pgm').save(tmp_path / 'damaged.png')
+    picture = bytearray((tmp_path / 'damaged.png').read_bytes())
+    picture[picture.index(b'IDAT') - 1] = 1  # its length: what follows is no chunk
+    (tmp_path / 'damaged.png').write_bytes(picture)
     (tmp_path / 'map.yaml').write_text(text)
     with pytest.raises(UserError) as refused:
         load_map(tmp_path / 'map.yaml')

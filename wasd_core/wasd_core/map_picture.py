@@ -211,7 +211,13 @@ def _read_shares(path: Path, negate: bool, mode: str = 'trinary') -> np.ndarray:
     except UnidentifiedImageError as error:
         why = 'wanted a picture, PGM or PNG' if data else 'the file is empty'
         raise MapFileError(f'{path}: {why}') from error
-    except (OSError, ValueError, Image.DecompressionBombError) as error:
+    except (
+        OSError,
+        ValueError,
+        SyntaxError,  # of a PNG
+        NotImplementedError,
+        Image.DecompressionBombError,
+    ) as error:
         raise MapFileError(f'{path}: no picture: {one_line(error)}') from error
     shares = pixels if negate else 1.0 - pixels
     return np.where(opaque, shares, np.float32(np.nan)) if mode == 'scale' else shares
