@@ -132,6 +132,14 @@ def test_a_long_robot_leaves_a_gap_straight_and_does_not_turn_in_it() -> None:
     assert guard.step(np.array((0.0, 0.0, 1.0)), at(), DT).velocity[2] < 0.2
 
 
+def test_where_only_the_way_to_a_stop_is_too_short_it_says_what_is_in_it() -> None:
+    # What is behind it and to the left comes last, and is harmless.
+    guard = guard_of(np.concatenate((wall(0.8, -0.3, 0.3), [(-0.6, 0.5)])))
+    guarded = guard.step(np.array((0.3, 0.0, 0.0)), at(velocity=(1.2, 0.0, 0.0)), DT)
+    assert guarded.velocity[0] < 0.3
+    assert guarded.why == 'something is 0.60 m ahead'
+
+
 def test_it_turns_while_the_way_ahead_is_shut() -> None:
     guard = guard_of(wall(0.2 + PADDING))
     guarded = guard.step(np.array((0.5, 0.0, 1.0)), at(), DT)

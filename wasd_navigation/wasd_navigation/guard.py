@@ -193,6 +193,9 @@ class Guard:
         velocity = share * asked
         if share == 1.0:
             return Guarded(asked)
+        if nearest < 0:  # only the way to a stop is too short
+            stop = odometry.velocity, asked, self._braking, parameters.reaction_time
+            nearest = least_room(points, clearance, body, *stop, True)[1]
         # What waits for the way ahead may turn meanwhile.
         turned = np.array((*velocity[:2], asked[2]))
         if action != 'stop' and asked[2] != 0.0 and asked[:2].any():
@@ -235,7 +238,7 @@ class Guard:
             now: np.ndarray, wanted: np.ndarray, is_quick: bool, how: tuple[np.ndarray, float]
         ) -> float:
             body = self._body
-            return float(least_room(points, clearance, body, now, wanted, *how, is_quick))
+            return least_room(points, clearance, body, now, wanted, *how, is_quick)[0]
 
         # If it cannot stop in time, any motion that ends no nearer than a stop is allowed.
         enough = min(0.0, least(velocity, still, True, (self._braking, 0.0))) - NO_NEARER
@@ -422,9 +425,9 @@ def least_room(
     braking: np.ndarray,
     reaction: float,
     is_quick: bool,
-) -> float:
+) -> tuple[float, int]:
     """
-    Return the least spare room [m] until the robot stands.
+    Return the least spare room [m] until the robot stands, and to which point.
 
     From a velocity it follows a command for the reaction time, then brakes. What it is asked to do
     more than it does now it does at once if it `is_quick`, else only as fast as it brakes.
@@ -434,10 +437,11 @@ def least_room(
         is_on = velocity[axis] * asked[axis] >= 0.0 and abs(asked[axis]) > abs(velocity[axis])
         now[axis] = asked[axis] if is_on and is_quick else velocity[axis]
     x = y = yaw = passed = way = 0.0
-    least = math.inf
+    least, which = math.inf, -1
     for index in range(points.shape[0]):
-        room = _room(points[index, 0], points[index, 1], body)
-        least = min(least, room - clearance.keep[index])
+        room = _room(points[index, 0], points[index, 1], body) - clearance.keep[index]
+        if room < least:
+            least, which = room, index
     while passed < reaction or max(max(abs(now[0]), abs(now[1])), abs(now[2])) > REST:
         speed = math.hypot(now[0], now[1]) + abs(now[2]) * body.reach
         dt = min(STRIDE / max(speed, 1e-6), 0.05)
@@ -462,7 +466,9 @@ def least_room(
         for index in range(points.shape[0]):
             to_x, to_y = points[index, 0] - x, points[index, 1] - y
             room = _room(cos * to_x + sin * to_y, cos * to_y - sin * to_x, body)
-            least = min(least, room - _still_to_keep(clearance, index, way))
+            room -= _still_to_keep(clearance, index, way)
+            if room < least:
+                least, which = room, index
         if passed > 10.0:
             break
-    return least
+    return least, which
