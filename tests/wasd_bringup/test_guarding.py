@@ -129,6 +129,15 @@ def test_far_from_everything_it_drives_as_without_a_guard(begin):
     assert np.array_equal(*places)
 
 
+def test_after_a_rest_it_walks_at_once(begin):
+    guarded = begin('go2')
+    for key, seconds in (('2', 6.0), ('5', 0.0)):
+        guarded.run.press(key)
+        guarded.go_on(seconds)
+    guarded.repeat(lambda: guarded.robot.drive((-0.3, 0.0, 0.0), 'page'), 0.1)
+    assert guarded.robot.drivers.state.guard == ''
+
+
 def test_a_lidar_that_falls_silent_stops_it(begin, monkeypatch):
     guarded = begin('mbot')
     away = lambda: guarded.robot.drive((-0.3, 0.0, 0.0), 'page')  # noqa: E731

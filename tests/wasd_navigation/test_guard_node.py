@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.time import ClockType, Time
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from wasd_core.messages import to_stamp
@@ -49,15 +50,19 @@ def drive(spawn, spin_until, guard):
 
 def sense(guard, distance: float) -> None:
     """Give it odometry and a scan of now, in which a wall is so far ahead."""
+    look(guard, distance / np.cos(np.arange(-1.0, 1.0, 0.02)), NOW)
+
+
+def look(guard, ranges: np.ndarray, now: float) -> None:
+    """Give it odometry and a scan of a time [s]."""
     odometry = Odometry(child_frame_id='base')
     odometry.header.frame_id = 'odom'
     odometry.pose.pose.orientation.w = 1.0
-    odometry.header.stamp = to_stamp(NOW)
+    odometry.header.stamp = to_stamp(now)
     guard._on_odometry(odometry)
-    angles = np.arange(-1.0, 1.0, 0.02)
     scan = LaserScan(angle_min=-1.0, angle_increment=0.02, range_min=0.05, range_max=8.0)
-    scan.header.stamp, scan.header.frame_id = to_stamp(NOW), 'laser'
-    scan.ranges = (distance / np.cos(angles)).tolist()
+    scan.header.stamp, scan.header.frame_id = to_stamp(now), 'laser'
+    scan.ranges = ranges.tolist()
     guard._on_scan(scan)
 
 
@@ -78,6 +83,53 @@ def test_without_a_scan_nothing_passes(guard, drive) -> None:
     speed, said = drive(0.5)
     assert speed == 0.0
     assert said[-1] == 'stop: the lidar is silent'
+
+
+@pytest.fixture
+def idle(guard):
+    """Return a function that sees the same ranges for a while [s] at 10 Hz, without a command."""
+    clock, now = guard.get_clock(), NOW
+    clock._set_ros_time_is_active(True)
+
+    def idle(seconds: float, ranges: np.ndarray) -> None:
+        nonlocal now
+        for _ in range(round(10.0 * seconds)):
+            now += 0.1
+            clock.set_ros_time_override(Time(seconds=now, clock_type=ClockType.ROS_TIME))
+            guard.step()
+            look(guard, ranges, now)
+
+    return idle
+
+
+def command(guard, speed: float) -> float:
+    """Ask for a speed ahead; return what of it passes."""
+    twist = Twist()
+    twist.linear.x = speed
+    guard._on_velocity(twist)
+    return float(guard.guard.last.velocity[0])
+
+
+def test_after_a_rest_a_command_passes_at_once(guard, idle) -> None:
+    idle(0.2, np.full(100, 4.0))
+    command(guard, 0.3)
+    idle(4.0, np.full(100, 4.0))
+    assert command(guard, 0.3) == 0.3
+
+
+def test_what_was_hidden_while_it_rested_is_still_there(guard, idle) -> None:
+    # 10 cm before the robot, and then nearer than the lidar sees.
+    far, box, hidden = np.full((3, 100), 3.0)
+    box[44:56], hidden[44:56] = 0.3, 0.0
+    idle(0.1, far)
+    command(guard, 0.0)
+    idle(10.0, far)
+    idle(4.0, box)
+    idle(1.0, hidden)
+    command(guard, 0.3)
+    idle(0.1, hidden)
+    assert command(guard, 0.3) < 0.15
+    assert guard.guard.last.why.endswith(' m ahead')
 
 
 def test_a_topic_that_is_none_is_one_line(isolated_ros, capfd) -> None:

@@ -88,8 +88,9 @@ class Guard:
     """
     Takes scans with the odometry of their time, and commands; says how much of each is followed.
 
-    It reads no clock: `step` is told what has passed [s]. `braking` are the decelerations that the
-    robot is sure to manage (ahead, to the side, turning), shape (3,) [m/s^2, m/s^2, rad/s^2].
+    It reads no clock: `pass_time` and `step` are told what has passed [s]. `braking` are the
+    decelerations that the robot is sure to manage (ahead, to the side, turning), shape (3,)
+    [m/s^2, m/s^2, rad/s^2].
     """
 
     def __init__(
@@ -142,14 +143,18 @@ class Guard:
         )
         return is_near & (apart > RAY)
 
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` [s] pass, also where nothing is commanded."""
+        self._sighted.step(dt)
+        self._ages = self._ages + max(dt, 0.0)
+
     def step(self, asked: np.ndarray, odometry: Odometry | None, dt: float) -> Guarded:
         """
-        Return how much of a command to follow, `dt` [s] after the last one.
+        Return how much of a command to follow, `dt` [s] after the last one, or `pass_time`.
 
         `asked` is (vx, vy, wz), shape (3,), `odometry` that of now.
         """
-        self._sighted.step(dt)
-        self._ages = self._ages + max(dt, 0.0)
+        self.pass_time(dt)
         self.last = self._limit(np.array(asked, float), odometry)
         return self.last
 

@@ -69,6 +69,7 @@ class GuardNode(Node):
 
     def step(self) -> None:
         """Look again at the command in force: something may have come nearer."""
+        self._pass_time()
         if self._heard.is_alive:
             before = self.guard.last.velocity
             velocity = self._limit()
@@ -80,14 +81,17 @@ class GuardNode(Node):
         if self._heard.is_alive:
             self._publish(np.zeros(3))
 
-    def _limit(self) -> np.ndarray:
+    def _pass_time(self) -> None:
         now = 1e-9 * self.get_clock().now().nanoseconds
         dt = 0.0 if self._stepped_at is None else now - self._stepped_at
         self._stepped_at = now
         if dt < 0.0:  # time has jumped back: all that is known is old
             self.senses.reset()
         self._heard.step(dt)
-        guarded = self.guard.step(self._asked, self.senses.odometry, dt)
+        self.guard.pass_time(dt)
+
+    def _limit(self) -> np.ndarray:
+        guarded = self.guard.step(self._asked, self.senses.odometry, 0.0)
         words = ': '.join(filter(None, (guarded.action, guarded.why)))
         if words != self._said:
             self._said = words
@@ -99,6 +103,7 @@ class GuardNode(Node):
         self._asked = np.array((twist.linear.x, twist.linear.y, twist.angular.z))
         if self._is_stamped:
             self._base_frame = message.header.frame_id
+        self._pass_time()
         velocity = self._limit()
         self._heard.hear()
         self._publish(velocity)
@@ -113,6 +118,7 @@ class GuardNode(Node):
         self.senses.take_odometry(now, from_odometry(message), frames)
 
     def _on_scan(self, message: LaserScan) -> None:
+        self._pass_time()
         take_scan(message, self.senses)
 
     def _warn(self, words: str) -> None:

@@ -33,7 +33,7 @@ class RobotGuard:
         self.unit = Guard(footprint, np.array(robot.braking), guard_parameters_of(robot))
         self._senses = GuardSenses(self.unit)
         self._asked: tuple[float, ...] | None = None
-        self._stepped_at = robot.world.time
+        self._stepped_at = self._passed_at = robot.world.time
         robot.hold_back(self._limit)
         robot.guard_words = lambda: self.words
         robot.drivers.guard = lambda: self.action
@@ -59,13 +59,16 @@ class RobotGuard:
         if wanted != self._asked or dt >= PERIOD - 1e-9:
             self._asked, self._stepped_at = wanted, now
             self._take_odometry()
-            self.unit.step(np.array(wanted), self._senses.odometry, dt)
+            self.unit.step(np.array(wanted), self._senses.odometry, 0.0)
         return self.unit.last.velocity
 
     def _take_odometry(self) -> None:
-        base = self._robot.odometry
+        """Let time pass up to now, and take the odometry of now."""
+        base, now = self._robot.odometry, self._robot.world.time
+        self.unit.pass_time(now - self._passed_at)
+        self._passed_at = now
         if base is not None:
-            self._senses.take_odometry(self._robot.world.time, base, self._robot.frames)
+            self._senses.take_odometry(now, base, self._robot.frames)
 
     def _reset(self) -> None:
         self._senses.reset()
