@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Gymnasium environment: the API's own check, equal bits, what it shows and rewards."""
 
+import copy
 from dataclasses import replace
 from pathlib import Path
+import pickle
 import subprocess
 import sys
 import warnings
@@ -18,7 +20,7 @@ import wasd
 
 gymnasium = pytest.importorskip('gymnasium')
 from gymnasium.utils.env_checker import check_env  # noqa: E402
-from wasd.environment import NAME, PHYSICS_STEPS, SPEC, WITH_HEIGHTS  # noqa: E402
+from wasd.environment import Go2Environment, NAME, PHYSICS_STEPS, SPEC, WITH_HEIGHTS  # noqa: E402
 from wasd_core.errors import UserError  # noqa: E402
 
 pytestmark = pytest.mark.slow
@@ -47,6 +49,14 @@ def test_gymnasiums_own_check_finds_nothing(env):
     with warnings.catch_warnings():
         warnings.simplefilter('error')
         check_env(gymnasium.make(NAME, disable_env_checker=True).unwrapped)
+
+
+def test_a_copy_begins_anew_and_then_does_the_same():
+    env = Go2Environment('rough:0.05', randomise=0.5, command=(0.5, 0.0, 0.0))
+    env.reset(seed=5)
+    for other in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        for one, two in zip(play(env, 3, 20), play(other, 3, 20), strict=True):
+            np.testing.assert_array_equal(one, two)
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not(env):

@@ -2,6 +2,7 @@
 """Wrong values given to `import wasd`: each is a UserError of one line, whichever function."""
 
 from collections.abc import Callable
+import copy
 import itertools
 from pathlib import Path
 import re
@@ -112,6 +113,12 @@ def test_every_verb_refuses_wrong_values_and_the_robot_goes_on(kind: str):
         refused(lambda verb=verb: verb(robot))
     robot.run(0.1)
     assert robot.time == pytest.approx(0.1)
+
+
+def test_a_robot_refuses_to_be_copied():
+    car = wasd.Mbot()
+    with pytest.raises(wasd.UserError, match='^Mbot cannot be copied or pickled: make another$'):
+        copy.deepcopy(car)
 
 
 def test_numbers_of_numpy_are_numbers():

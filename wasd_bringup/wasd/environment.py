@@ -80,7 +80,7 @@ SIZE, DISTANCE, VIEW = (640, 480), 1.8, rpy_matrix(0.0, math.radians(20.0), math
 FRUSTUM = Frustum(math.radians(58.0), *SIZE, 0.05, 100.0)
 
 
-class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
+class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray], gymnasium.utils.EzPickle):
     """
     A Go2 that is to follow a velocity command; one step is 20 ms.
 
@@ -120,6 +120,17 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
             )
         if render_mode not in (None, 'rgb_array'):
             raise UserError(f'render_mode: got {render_mode!r}, wanted rgb_array or None')
+        # A copy is made anew, as MuJoCo's buffers cannot be copied with what looks into them.
+        gymnasium.utils.EzPickle.__init__(
+            self,
+            world,
+            randomise=randomise,
+            noise=noise,
+            heights=heights,
+            command=command,
+            physics_step=physics_step,
+            render_mode=render_mode,
+        )
         self.render_mode = render_mode
         self._world_name, self._noise, self._level = os.fspath(world), noise, randomise
         self._has_heights = heights

@@ -64,6 +64,10 @@ class Robot:
         self._window: Any = None
         self._lock = threading.RLock()
 
+    def __reduce__(self) -> Any:
+        """Refuse to be copied or pickled: half of it would belong to the first."""
+        raise UserError(f'{type(self).__name__} cannot be copied or pickled: make another')
+
     @property
     def time(self) -> float:
         """Simulated time since the start [s]."""
