@@ -163,12 +163,11 @@ def assert_all_is_well(bench):
     assert 'Traceback' not in bench.said()
 
 
-in_both_orders = pytest.mark.parametrize(
-    'is_backward', [False, True], ids=['in_order', 'backward']
-)
+ORDERS = {'in_order': False, 'backward': True}
+MBOTS = {'mbot': MBOT, 'mbot_mux': MBOT_MUX, 'mbot_goal': MBOT_GOAL, 'mbot_fake': MBOT_FAKE}
 
 
-@in_both_orders
+@pytest.mark.parametrize('is_backward', ORDERS.values(), ids=ORDERS)
 def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench, is_backward):
     # The nodes of one block are those of the other, and one more; whose clock it is plays no part.
     clock = ' --ros-args -p use_sim_time:=true'
@@ -197,11 +196,15 @@ def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench, is_ba
     assert_all_is_well(bench)
 
 
-@in_both_orders
 @pytest.mark.parametrize(
-    'block',
-    [MBOT, MBOT_MUX, MBOT_GOAL, MBOT_FAKE],
-    ids=['mbot', 'mbot_mux', 'mbot_goal', 'mbot_fake'],
+    ('block', 'is_backward'),
+    [
+        pytest.param(block, is_backward, id=f'{name}-{order}')
+        for name, block in MBOTS.items()
+        for order, is_backward in ORDERS.items()
+        # Who misses whom in it does in mbot_goal or in mbot_fake, too.
+        if (name, order) != ('mbot', 'backward')
+    ],
 )
 def test_the_mbot_of_a_block_is_driven_as_the_page_says(bench, spawn, block, is_backward):
     for line in reversed(block) if is_backward else block:
