@@ -63,7 +63,8 @@ def read_controller_file(path: str) -> ControllerFile:
     Raises:
         InvalidParameter: `file:line: key, what came, what is wanted`.
     """
-    return read_mapping(path, _read)
+    result: ControllerFile = read_mapping(path, _read)
+    return result
 
 
 def _read(root: yaml.MappingNode) -> ControllerFile:

@@ -343,4 +343,5 @@ def _axes(box: np.ndarray) -> np.ndarray:
 def _corners(box: np.ndarray) -> np.ndarray:
     """Return the corners of a box in the plane [m], shape (4, 2)."""
     signs = np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)))
-    return box[:2] + (signs * box[2:4]) @ _axes(box)
+    corners: np.ndarray = box[:2] + (signs * box[2:4]) @ _axes(box)
+    return corners

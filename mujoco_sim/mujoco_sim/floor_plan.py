@@ -71,7 +71,8 @@ def find_start(plan: MapPicture) -> np.ndarray:
         rows, columns = np.nonzero(_clear(is_taken, reach))
         if len(rows):
             points = (np.column_stack((columns, rows)) + 0.5) * plan.resolution + plan.origin
-            return points[np.argmin(np.hypot(*points.T))]
+            place: np.ndarray = points[np.argmin(np.hypot(*points.T))]
+            return place
     raise SimulationError(f'no free place of {2.0 * AROUND[-1]:g} m for a robot to start at')
 
 
@@ -86,7 +87,8 @@ def _clear(is_taken: np.ndarray, reach: int, outside: bool = True) -> np.ndarray
     side = 2 * reach + 1
     count = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
     rows, columns = is_taken.shape
-    return count[:rows, :columns] == 0
+    clear: np.ndarray = count[:rows, :columns] == 0
+    return clear
 
 
 def _coarser(walls: np.ndarray) -> np.ndarray:

@@ -59,7 +59,8 @@ def leg_motion(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray) -> LegMo
     blank = LegMotion(*(np.zeros((4, 3, 3) if k == 2 else (4, 3)) for k in range(6)))
     flat = flatten(blank)
     write_leg_motion(plain(leg), angles, rates, flat)
-    return view_of(flat, blank)
+    motion: LegMotion = view_of(flat, blank)
+    return motion
 
 
 @jit

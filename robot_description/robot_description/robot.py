@@ -272,7 +272,8 @@ class Robot:
 
 
 def _second_moments(inertia: np.ndarray) -> np.ndarray:
-    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    moments: np.ndarray = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return moments
 
 
 def _smallest_share(inertia: np.ndarray) -> float:
@@ -296,7 +297,8 @@ def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
         return None
     floor = max(RAISED_SHARE * total, mass * SMALLEST_RADIUS**2, SMALLEST_MOMENT)
     raised = directions @ np.diag(np.maximum(values, floor)) @ directions.T
-    return np.trace(raised) * np.eye(3) - raised
+    mended: np.ndarray = np.trace(raised) * np.eye(3) - raised
+    return mended
 
 
 def impossible_inertias(robot: Robot) -> tuple[str, ...]:

@@ -143,7 +143,8 @@ class TwistOutput:
     @property
     def subscriber_count(self) -> int:
         """Number of subscribers that get what is published."""
-        return self._publisher.get_subscription_count()
+        count: int = self._publisher.get_subscription_count()
+        return count
 
     def publish(self, twist: Twist) -> None:
         """Publish a velocity; a stamp is the node's time."""

@@ -76,7 +76,8 @@ class Robot:
     @property
     def state(self) -> str:
         """The controller's state, such as `trotting`, `policy` or `driving`."""
-        return self._robot.state
+        state: str = self._robot.state
+        return state
 
     @property
     def truth(self) -> BaseState:
@@ -354,7 +355,8 @@ class G1(Robot):
     @property
     def is_held(self) -> bool:
         """Whether the hoist holds it."""
-        return self._robot.hoist.is_on
+        is_on: bool = self._robot.hoist.is_on
+        return is_on
 
     @checked
     def press(self, key: str) -> None:

@@ -76,7 +76,8 @@ class Executable:
             return 2
         with loading():
             program = import_module(self.module)
-        return program.main(words)
+        status: int = program.main(words)
+        return status
 
     def read(self, words: Sequence[str]) -> argparse.Namespace:
         """

@@ -167,7 +167,8 @@ class _Files(caching.IndexDataCacheFile):
     """A function's files, which count as missing where another user could have written them."""
 
     def _load_index(self) -> dict[Any, str]:
-        return super()._load_index() if _can_load(self._index_path) else {}
+        index: dict[Any, str] = super()._load_index() if _can_load(self._index_path) else {}
+        return index
 
     def _load_data(self, name: str) -> Any:
         path = self._data_path(name)

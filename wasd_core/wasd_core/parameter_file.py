@@ -55,7 +55,8 @@ def read_parameters(path: str, definition: type[Parameters], kind: NodeKind) -> 
         build_checked(definition, values)
         return values
 
-    return read_mapping(path, read)
+    values: dict[str, Any] = read_mapping(path, read)
+    return values
 
 
 def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:

@@ -76,7 +76,7 @@ def has_subscriber(node: Node, publisher: Any) -> bool:
 def tf_message_type() -> type[Any] | None:
     """Return tf2_msgs/TFMessage, or None where tf2_msgs is not installed (the wheels lack it)."""
     try:
-        return importlib.import_module('tf2_msgs.msg').TFMessage
+        return importlib.import_module('tf2_msgs.msg').TFMessage  # type: ignore[no-any-return]
     except ImportError:
         return None
 
@@ -229,7 +229,8 @@ class LoopbackSubscription(Generic[Message]):
     @property
     def qos_profile(self) -> QoSProfile:
         """The quality of service asked for."""
-        return self._subscription.qos_profile
+        qos: QoSProfile = self._subscription.qos_profile
+        return qos
 
     def expect(self, message: Message) -> None:
         """Drop the echo of a message that this process is publishing."""

@@ -155,7 +155,8 @@ class Explorer:
             self.aim = None
 
     def _distances(self, grid: Grid) -> np.ndarray:
-        return measure_distances(grid.cells >= self._occupied, grid.resolution)
+        distances: np.ndarray = measure_distances(grid.cells >= self._occupied, grid.resolution)
+        return distances
 
     def _frontiers(self, grid: Grid, distances: np.ndarray) -> list[tuple[np.ndarray, int]]:
         return frontiers(grid.cells, distances, self._reach, round(SHORTEST / grid.resolution))
@@ -201,7 +202,8 @@ def measure_legs(price: np.ndarray, cells: np.ndarray, resolution: float) -> np.
     places = np.clip(cells // PLACE, 0, (rows - 1, columns - 1))
     best[tuple(places.T)] = 1.0
     ways = [ways_from(place, best, PLACE * resolution)[tuple(places.T)] for place in places]
-    return np.minimum(np.array(ways, float), FAR)
+    legs: np.ndarray = np.minimum(np.array(ways, float), FAR)
+    return legs
 
 
 def begin_tour(begins: np.ndarray, legs: np.ndarray) -> int:

@@ -141,7 +141,8 @@ class Guard:
         apart = np.minimum(
             _apart(angles[after % len(angles)], bearings), _apart(angles[after - 1], bearings)
         )
-        return is_near & (apart > RAY)
+        hidden: np.ndarray = is_near & (apart > RAY)
+        return hidden
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` [s] pass, also where nothing is commanded."""
@@ -224,7 +225,8 @@ class Guard:
         way = (1.0 + self._parameters.drift) * speed * time
         reach = self._body.reach + self._parameters.footprint_padding + way
         near = points[away < reach + STRIDE]
-        return near[room_of(near, self._body) > -OWN]
+        others: np.ndarray = near[room_of(near, self._body) > -OWN]
+        return others
 
     def _stoppable(
         self,
@@ -318,7 +320,8 @@ def warm_up(footprint: Footprint) -> None:
 
 def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the angles between directions [rad], from 0 to pi."""
-    return np.abs((first - second + math.pi) % (2.0 * math.pi) - math.pi)
+    apart: np.ndarray = np.abs((first - second + math.pi) % (2.0 * math.pi) - math.pi)
+    return apart
 
 
 def _say(point: np.ndarray, body: Body) -> str:
@@ -367,7 +370,8 @@ def keep_from(points: np.ndarray, body: Body, padding: float, keep: np.ndarray) 
 def _still_to_keep(clearance: Clearance, index: int, way: float) -> float:
     """Return what has to be kept from a point after a way [m]."""
     growth = max(0.0, clearance.drift * way - clearance.spare)
-    return clearance.keep[index] + growth
+    kept: float = clearance.keep[index] + growth
+    return kept
 
 
 @jit

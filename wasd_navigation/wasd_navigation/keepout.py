@@ -98,7 +98,8 @@ class Keepout:
         if not is_outside.any():
             return np.ones(price.shape, np.bool_)
         near = ways <= ways[is_outside].min()
-        return measure_distances(near, grid.resolution) < self._reach
+        opened: np.ndarray = measure_distances(near, grid.resolution) < self._reach
+        return opened
 
     def shown_on(self, grid: Grid) -> Grid:
         """Return a grid with KEEPOUT where the areas are, for a picture."""

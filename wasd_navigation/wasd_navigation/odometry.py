@@ -100,7 +100,8 @@ def read_covariance(covariance: np.ndarray) -> np.ndarray:
     planar: np.ndarray = covariance[PLANAR]
     if not np.isfinite(planar).all():
         raise InvalidMessage('wanted a covariance of finite numbers')
-    return planar.clip(-(FARTHEST**2), FARTHEST**2)
+    bounded: np.ndarray = planar.clip(-(FARTHEST**2), FARTHEST**2)
+    return bounded
 
 
 class OdometryMemory:

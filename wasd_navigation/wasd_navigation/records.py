@@ -52,15 +52,18 @@ class Grid:
     def to_cells(self, points: np.ndarray) -> np.ndarray:
         """Return (row, column), shape (n, 2), of points, shape (n, 2) [m]; maybe outside."""
         steps = np.floor((points - np.array(self.origin)) / self.resolution)
-        return np.clip(steps, -_FARTHEST, _FARTHEST)[:, ::-1].astype(np.int64)
+        cells: np.ndarray = np.clip(steps, -_FARTHEST, _FARTHEST)[:, ::-1].astype(np.int64)
+        return cells
 
     def to_points(self, cells: np.ndarray) -> np.ndarray:
         """Return the centres [m], shape (n, 2), of cells (row, column), shape (n, 2)."""
-        return (cells[:, ::-1] + 0.5) * self.resolution + np.array(self.origin)
+        points: np.ndarray = (cells[:, ::-1] + 0.5) * self.resolution + np.array(self.origin)
+        return points
 
     def covers(self, cells: np.ndarray) -> np.ndarray:
         """Return which cells (row, column), shape (n, 2), lie in the grid, shape (n,)."""
-        return np.all((cells >= 0) & (cells < self.cells.shape), axis=1)
+        inside: np.ndarray = np.all((cells >= 0) & (cells < self.cells.shape), axis=1)
+        return inside
 
     def has(self, point: np.ndarray) -> bool:
         """Return whether a point, shape (2,) [m], lies in the grid."""
@@ -126,13 +129,15 @@ class Scan:
     @property
     def points(self) -> np.ndarray:
         """What was hit, shape (m, 2) [m]."""
-        return self.ends[self.hits]
+        points: np.ndarray = self.ends[self.hits]
+        return points
 
     @property
     def own_points(self) -> np.ndarray:
         """What the lidar's own rays have hit, in their order, shape (m, 2) [m]."""
         own = len(self.ends) - self.added
-        return self.ends[:own][self.hits[:own]]
+        points: np.ndarray = self.ends[:own][self.hits[:own]]
+        return points
 
 
 class Ranges(NamedTuple):

@@ -16,7 +16,8 @@ from wasd_core.jit import jit
 @jit
 def wrap(angle: float) -> float:
     """Return the angle in [-pi, pi) [rad]."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+    wrapped: float = (angle + math.pi) % (2.0 * math.pi) - math.pi
+    return wrapped
 
 
 @jit

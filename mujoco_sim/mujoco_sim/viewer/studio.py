@@ -49,7 +49,8 @@ def session_of(connection: Any) -> str:
 
 def port_of(viewer: Any) -> int:
     """Return the port of a viewer."""
-    return viewer._http_port
+    port: int = viewer._http_port
+    return port
 
 
 def drop_viewer_events(handle: Any) -> None:

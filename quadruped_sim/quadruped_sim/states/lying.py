@@ -267,12 +267,14 @@ def stretched(folded: np.ndarray, position: np.ndarray, chosen: np.ndarray) -> n
 
 def nearest(goal: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Return leg angles (12,), each whole turns off so that it is nearest to `near`."""
-    return goal - math.tau * np.round((goal - near) / math.tau)
+    turned: np.ndarray = goal - math.tau * np.round((goal - near) / math.tau)
+    return turned
 
 
 def hooked(position: np.ndarray) -> np.ndarray:
     """Which legs (4,) at these leg angles (12,) have their hips upside down."""
-    return np.cos(position[::3]) < 0.0
+    is_hooked: np.ndarray = np.cos(position[::3]) < 0.0
+    return is_hooked
 
 
 def swung_out(folded: np.ndarray, position: np.ndarray, chosen: np.ndarray) -> np.ndarray:

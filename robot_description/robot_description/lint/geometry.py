@@ -50,7 +50,8 @@ class Body(NamedTuple):
     @property
     def moments(self) -> np.ndarray:
         """Principal moments, the smallest first, shape (3,)."""
-        return np.linalg.eigvalsh(self.tensor)
+        moments: np.ndarray = np.linalg.eigvalsh(self.tensor)
+        return moments
 
     def element(self, tag: str) -> Element:
         """Return a tag of the inertial, or the inertial itself."""

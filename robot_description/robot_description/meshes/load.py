@@ -162,7 +162,8 @@ def mesh_points(robot: Robot, shape: Shape) -> np.ndarray | None:
         vertices = _vertices(path, status.st_mtime_ns, status.st_size)
     except (OSError, ValueError):
         return None
-    return vertices.astype(float) * np.array(shape.scale)
+    points: np.ndarray = vertices.astype(float) * np.array(shape.scale)
+    return points
 
 
 @lru_cache(maxsize=MOST_KEPT)

@@ -186,7 +186,8 @@ def _turn_from_x(axis: np.ndarray) -> np.ndarray:
     if x < -1.0 + 1e-9:  # about z
         return np.diag((-1.0, -1.0, 1.0))
     cross = np.array(((0.0, -y, -z), (y, 0.0, 0.0), (z, 0.0, 0.0)))
-    return np.eye(3) + cross + cross @ cross / (1.0 + x)
+    turn: np.ndarray = np.eye(3) + cross + cross @ cross / (1.0 + x)
+    return turn
 
 
 def _drive(spec: mujoco.MjSpec, robot: Robot) -> None:

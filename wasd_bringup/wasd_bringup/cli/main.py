@@ -129,7 +129,7 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
 
 def _add_run(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
     """Add a command that runs robots; its help ends with examples and the keys."""
-    return commands.add_parser(
+    parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=summary,
         description=f'{summary[0].upper()}{summary[1:]}.',
@@ -137,6 +137,7 @@ def _add_run(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    return parser
 
 
 def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -55,7 +55,8 @@ class ControllerFace:
     @property
     def command_topic(self) -> str:
         """The topic of velocities, by its full name."""
-        return self._twists.topic_name
+        topic: str = self._twists.topic_name
+        return topic
 
     def admit(self) -> None:
         """Ask the robot whether a key of another process counts, and give it the velocities."""
@@ -136,7 +137,8 @@ class LegsFace(ControllerFace):
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant; None before there is any."""
-        return self.node.odometry(to_stamp(self.robot.world.time))
+        odometry: Odometry | None = self.node.odometry(to_stamp(self.robot.world.time))
+        return odometry
 
     def schedule(self, schedule: Any) -> None:
         """Publish on a schedule."""
@@ -165,7 +167,8 @@ class WheelsFace(ControllerFace):
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant."""
-        return self.node.odometry()
+        odometry: Odometry = self.node.odometry()
+        return odometry
 
     def schedule(self, schedule: Any) -> None:
         """Publish on a schedule."""

@@ -83,7 +83,8 @@ class RosFace:
     @property
     def key_topic(self) -> str:
         """Where its keys are, by the full name."""
-        return self.keys.resolve_topic_name('keys')
+        topic: str = self.keys.resolve_topic_name('keys')
+        return topic
 
     def watch_keyboards(self, lose: Callable[[], None]) -> None:
         """Call `lose` when the last keyboard of others is gone and its keys move the robot."""

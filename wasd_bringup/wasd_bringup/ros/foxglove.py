@@ -62,7 +62,8 @@ def read_key(sender: Sender, data: bytes) -> str:
     Raises:
         UserError: it is no such message.
     """
-    return _read(sender, data, (String,)).data
+    text: str = _read(sender, data, (String,)).data
+    return text
 
 
 def _read(sender: Sender, data: bytes, kinds: Sequence[type[Any]]) -> Any:

@@ -58,7 +58,8 @@ class Places:
     @property
     def poses(self) -> np.ndarray:
         """Where they are in the map, shape (n, 3); may be written."""
-        return self._poses[: len(self)]
+        poses: np.ndarray = self._poses[: len(self)]
+        return poses
 
     @property
     def held(self) -> np.ndarray:

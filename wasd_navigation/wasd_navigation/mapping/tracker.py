@@ -59,7 +59,8 @@ class Tracker:
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of the pose, shape (3, 3)."""
-        return self._joint[:3, :3].copy()
+        covariance: np.ndarray = self._joint[:3, :3].copy()
+        return covariance
 
     @property
     def is_stuck(self) -> bool:

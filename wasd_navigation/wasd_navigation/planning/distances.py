@@ -94,7 +94,8 @@ def _envelope(
 def _meeting(heights: np.ndarray, left: int, right: int) -> float:
     """Return where the parabolas of two cells meet, the right one being the lower beyond."""
     rise = heights[right] ** 2 + right**2 - heights[left] ** 2 - left**2
-    return rise / (2.0 * (right - left))
+    place: float = rise / (2.0 * (right - left))
+    return place
 
 
 @fast
@@ -109,7 +110,8 @@ def look_up(field: Field, layer: int, x: float, y: float) -> float:
     low = (1.0 - right) * values[layer, row, column] + right * values[layer, row, column + 1]
     high = (1.0 - right) * values[layer, row + 1, column]
     high += right * values[layer, row + 1, column + 1]
-    return (1.0 - above) * low + above * high
+    value: float = (1.0 - above) * low + above * high
+    return value
 
 
 @jit

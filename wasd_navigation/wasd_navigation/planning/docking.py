@@ -108,7 +108,8 @@ def dock(
 
 @jit
 def _within(value: float, most: float) -> float:
-    return min(max(value, -most), most)
+    bounded: float = min(max(value, -most), most)
+    return bounded
 
 
 @jit
@@ -116,7 +117,8 @@ def _share(base: Base, vx: float, vy: float, wz: float) -> float:
     """Return the largest share of a translation up to 1, and of a turn, that is within bounds."""
     over = max(abs(vx) / base.most[0], abs(vy) / base.most[1])
     over = max(max(over, abs(wz) / base.most[2]), vx / base.least[0])
-    return 1.0 / max(over, 1.0)
+    share: float = 1.0 / max(over, 1.0)
+    return share
 
 
 @jit

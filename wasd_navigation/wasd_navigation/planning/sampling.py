@@ -93,11 +93,13 @@ class Sampler:
         _try_all(self._motions, state, scene, self._base, self._costs)
         weights = np.exp((self._costs.min() - self._costs) / _TEMPERATURE)
         np.einsum('k,kta->ta', weights / weights.sum(), self._motions, out=self.plan)
-        return self.plan[0].copy()
+        first: np.ndarray = self.plan[0].copy()
+        return first
 
     def foresee(self, state: np.ndarray) -> np.ndarray:
         """Return where the plan leads, shape (horizon + 1, 2) [m]."""
-        return _foresee(self.plan, state, self._base)
+        places: np.ndarray = _foresee(self.plan, state, self._base)
+        return places
 
 
 @fast
@@ -186,7 +188,8 @@ def _price_of_movers(state: np.ndarray, scene: Scene, time: float) -> float:
         cost += _TOUCHES * (1.0 - 3.0 * room)
     if abs(state[3]) + abs(state[4]) + _RIM * abs(state[5]) < _STANDING:
         cost *= _NOT_TO_BLAME
-    return cost * max(1.0 - _DOUBT * time, 0.1)
+    weighed: float = cost * max(1.0 - _DOUBT * time, 0.1)
+    return weighed
 
 
 @fast
@@ -250,7 +253,8 @@ def _drive(
 
 @fast
 def _away(point: np.ndarray, state: np.ndarray) -> float:
-    return math.hypot(point[0] - state[0], point[1] - state[1])
+    distance: float = math.hypot(point[0] - state[0], point[1] - state[1])
+    return distance
 
 
 @fast

@@ -257,12 +257,14 @@ class Surroundings:
     @property
     def _is_wall(self) -> np.ndarray:
         """Which cells are obstacles of the map, bool."""
-        return self.grid.cells >= self._parameters.occupied
+        walls: np.ndarray = self.grid.cells >= self._parameters.occupied
+        return walls
 
     @property
     def is_unknown(self) -> np.ndarray:
         """The unknown cells, bool."""
-        return self.grid.cells == UNKNOWN
+        unknown: np.ndarray = self.grid.cells == UNKNOWN
+        return unknown
 
     @property
     def is_unseen(self) -> np.ndarray:
