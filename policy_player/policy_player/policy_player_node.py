@@ -30,9 +30,8 @@ from wasd_core.topics import (
 )
 
 from policy_player.joint_controller import JointController, State, STATE_KEYS
+from policy_player.loading import load_policy
 from policy_player.parameters import policy_player, PolicyNodeParameters
-from policy_player.player import Player
-from policy_player.policy_file import read_policy
 from policy_player.stands import stand_of
 
 
@@ -54,8 +53,7 @@ class PolicyPlayerNode(Node):
         super().__init__('policy_player', parameter_overrides=parameter_overrides or [])
         settings = declare_parameters(self, PolicyNodeParameters)
         loaded = load_robot(settings.description)
-        config = settings.policy_config or None
-        player = Player(read_policy(settings.policy, config)) if settings.policy else None
+        player = load_policy(settings.policy or None, settings.policy_config or None)
         joints = [joint.name for joint in loaded.robot.movable_joints if not joint.mimics]
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
         self._feeds = Feeds((), 0.0, '')

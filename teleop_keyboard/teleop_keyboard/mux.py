@@ -38,8 +38,9 @@ class MuxInput(Parameters):
             super().__post_init__()
         except InvalidParameter as error:
             raise InvalidParameter(f'{self.name}.{error}') from None
-        if not self.topic:
-            raise InvalidParameter(f'{self.name}.topic must not be empty')
+        for field in ('name', 'topic'):
+            if not getattr(self, field):
+                raise InvalidParameter(f'{self.name}.{field} must not be empty')
 
 
 # twist_mux's own tables.

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from topic_rig import Rig
 from wasd_core.errors import UserError
-from wasd_core.messages import joint_state, to_imu, to_stamp
+from wasd_core.messages import to_imu, to_joint_state, to_stamp
 from wasd_core.paired import Paired
 from wasd_core.robot_io import ImuReading, JointStates
 
@@ -53,6 +53,7 @@ def make_node(**values):
     [
         ({'description': 'go2'}, "how 'go2' stands is not known"),
         ({'policy': 'nowhere.onnx'}, 'nowhere.onnx'),
+        ({'policy_config': 'legged_gym'}, 'policy_config needs a network'),
         ({'policy': 'ours', 'description': 'go2'}, 'linear_velocity.*the leg controller does'),
         ({'policy': 'ours', 'description': 'mbot'}, "how 'mbot' stands is not known"),
         ({'policy': 'ours', 'description': 'g1'}, 'joint FL_hip_joint is not in this robot'),
@@ -85,7 +86,7 @@ def test_a_network_refuses_readings_slower_than_its_period_in_a_line(ros, networ
             if topic == 'joint_states' or index % slow == 0:
                 node._on_imu(to_imu(imu, 'base', stamp))
             if topic == 'imu/data' or index % slow == 0:
-                node._on_joints(joint_state(JOINTS, stamp, *joints))
+                node._on_joints(to_joint_state(JOINTS, stamp, *joints))
 
     feed(0.0, 2.0, 1)
     assert node.controller.press('2') == ''

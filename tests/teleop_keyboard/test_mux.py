@@ -138,7 +138,10 @@ def test_the_table_may_change_while_it_runs():
     assert mux.selected == 'navigation'
 
 
-@for_all('field', [{'topic': ''}, {'timeout': -1.0}, {'timeout': float('nan')}, {'priority': 256}])
+@for_all(
+    'field',
+    [{'name': ''}, {'topic': ''}, {'timeout': -1.0}, {'timeout': float('nan')}, {'priority': 256}],
+)
 def test_a_row_that_cannot_be_is_rejected(field):
     with pytest.raises(InvalidParameter, match=next(iter(field))):
         MuxInput(**{'name': 'x', 'topic': 'x', **field})

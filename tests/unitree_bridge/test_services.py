@@ -255,8 +255,8 @@ def test_damp_lets_go_in_the_midst_of_anything(standing):
 
 @pytest.mark.slow
 def test_buttons_count_again_after_a_program_that_held_them_has_died(standing):
-    def damp():
-        for _ in range(25):
+    def damp(seconds=0.5):
+        for _ in range(round(seconds / 0.02)):
             remote = Remote(down=frozenset({'L2', 'B'}))
             standing.wire.come['rt/wirelesscontroller'].append(remote.message())
             standing.run(0.02)
@@ -267,6 +267,14 @@ def test_buttons_count_again_after_a_program_that_held_them_has_died(standing):
     standing.call('sport', STAND_UP)
     standing.run(2.5)
     assert standing.state == 'fixed stand'
+    damp()
+    assert standing.state == 'passive'
+    # What a remote says while it is not followed keeps nothing down.
+    standing.call('sport', 1027, data=False)
+    standing.call('sport', STAND_UP)
+    damp(2.5)
+    assert standing.state == 'fixed stand'
+    standing.call('sport', 1027, data=True)
     damp()
     assert standing.state == 'passive'
 

@@ -51,9 +51,12 @@ def test_who_ever_presses_the_stop_key_stops_what_keys_have_latched(drivers, sou
 
 
 @pytest.mark.parametrize(
-    ('source', 'counts'), [('sine', False), ('page', False), ('script', True)]
+    ('source', 'counts'),
+    [('sine', False), ('page', False), ('script', True), ('navigator', True)],
 )
-def test_a_silence_lasts_on_a_hands_clock_but_that_of_a_script_in_simulated_time(source, counts):
+def test_a_silence_lasts_by_wall_time_but_that_of_a_script_or_a_plan_by_simulated_time(
+    source, counts
+):
     drivers = make()
     drivers.take(source, key='w')
     drivers.take(source, velocity=FAST)

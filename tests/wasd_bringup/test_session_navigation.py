@@ -328,6 +328,10 @@ def test_exploring_that_others_ask_for_after_the_pages_does_not_end_with_it(
     navigates.lose_page()
     assert navigates.unit.is_exploring
     navigates.explore(from_page=True)
+    navigates.unit.explore()  # while it still explores for the page
+    navigates.lose_page()
+    assert navigates.unit.is_exploring
+    navigates.explore(from_page=True)
     session.simulation.advance(100)
     navigates.lose_page()
     assert not navigates.unit.is_exploring

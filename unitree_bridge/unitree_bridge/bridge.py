@@ -265,9 +265,9 @@ class Bridge:
             self.motion.stop()
 
     def _take_remote(self, remote: Remote) -> None:
-        self._buttons.hear()
         if not self._sport.follows_remote or self.low.is_released:
             return
+        self._buttons.hear()
         pressed, self._down = remote.down - self._down, remote.down
         self._obey(remote.down, pressed)
         is_held = self._sticks.is_alive

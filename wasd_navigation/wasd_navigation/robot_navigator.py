@@ -30,9 +30,9 @@ class RobotNavigator:
     Maps or localises with odometry and scans as they come, and drives to one goal at a time.
 
     Times are told [s]. `send` takes what is commanded, (vx, vy, wz), shape (3,) [m/s], [rad/s];
-    `say` messages to a driver, `warn` errors of input. `refusal` says why nothing
-    can be driven to now. `on_scan` are called with the time and the odometry of each scan that
-    was used, `on_reset` when all that was known is old.
+    `say` messages to a driver, `warn` errors of input. `refusal` says why nothing can be driven to
+    now. `on_scan` are called with the time and the odometry of each scan that was used, `on_reset`
+    when all that was known is old.
     """
 
     navigator: Navigator
@@ -63,7 +63,8 @@ class RobotNavigator:
         self.senses.warn = lambda words: self.warn(words)
         self._notice = ''
         self._ground: Traversability | None = None
-        self._explorer: Explorer | None = None
+        # What chooses goals, one for each request; None: nothing does.
+        self.explorer: Explorer | None = None
         self._waypoints: Waypoints | None = None
         self._home = np.zeros(3)  # where it began to explore
         self._explored = 0.0  # since it has looked for another frontier [s]
@@ -138,8 +139,8 @@ class RobotNavigator:
             return None
         if self.navigator.goal is not None and (why := self.refusal()):
             self.stop(why)
-        if self._explorer is not None:
-            self._explore(self._explorer, dt)
+        if self.explorer is not None:
+            self._explore(self.explorer, dt)
         elif self._waypoints is not None and self.navigator.goal is None:
             self._drive_on(self._waypoints)
         velocity = self.navigator.step(dt)
@@ -167,7 +168,7 @@ class RobotNavigator:
 
     def _begin_another(self) -> None:
         """End what chose the goal, exploring or waypoints, before another goal."""
-        self._explorer = None
+        self.explorer = None
         self._end_waypoints(Outcome('cancelled', REPLACED))
 
     @property
@@ -218,7 +219,7 @@ class RobotNavigator:
     @property
     def is_exploring(self) -> bool:
         """Whether it looks for goals itself."""
-        return self._explorer is not None
+        return self.explorer is not None
 
     def explore(self) -> None:
         """
@@ -232,7 +233,7 @@ class RobotNavigator:
         if not self.navigator.is_mapping:
             raise UserError('exploring makes a map: this one was saved, and stays as it is')
         self.stop('it explores from now on')
-        self._explorer = Explorer(self.settings.footprint, self.settings.planning)
+        self.explorer = Explorer(self.settings.footprint, self.settings.planning)
         self._is_homeward = self._has_begun = False
         self.say('explores')
 
@@ -254,7 +255,7 @@ class RobotNavigator:
         if is_driving and not is_seen:
             return
         if self._is_homeward:
-            self._explorer = None
+            self.explorer = None
             self.say('explored: no more of the unknown can be reached or is worth the way')
             return
         if not is_seen:
@@ -265,7 +266,7 @@ class RobotNavigator:
 
     def stop(self, why: str) -> bool:
         """Cancel the goal and command standstill; return whether there was a goal."""
-        self._explorer = None
+        self.explorer = None
         was_driving = self.give_up(why)
         if was_driving:
             self.stand()

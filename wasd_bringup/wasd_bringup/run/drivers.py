@@ -28,8 +28,9 @@ RIGHTS = {
     'navigator': 'plan',
 }
 USUAL_RIGHT = 'program'
-# Sources that act in simulated time; all others act in wall time, as hands do.
 SCRIPTS = ('script', 'recording')
+# Sources that act in simulated time; all others act in wall time, as hands do.
+SIMULATED = (*SCRIPTS, 'navigator')
 
 Velocity = tuple[float, float, float]
 
@@ -206,7 +207,7 @@ class Drivers:
         Simulated time runs `haste` times as fast as wall time.
         """
         for source, hold in self._holds.items():
-            passed = dt if source in SCRIPTS else dt / haste
+            passed = dt if source in SIMULATED else dt / haste
             hold.asked += passed
             if hold.asked > SILENCE:
                 hold.is_driving = hold.is_refused = False

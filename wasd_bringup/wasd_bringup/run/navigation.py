@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
+from wasd_navigation.exploring import Explorer
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.records import Grid
@@ -51,7 +52,7 @@ class NavigationDriver:
         self._goals = self._options.goals  # once the robot follows velocities
         self._explores = self._options.explore  # once the robot follows velocities
         self._is_of_page = False  # the goal that is driven to
-        self._explores_for_page = False
+        self._page_explorer: Explorer | None = None  # that the page has asked for
         self._ended: list[dict[str, Any]] = []
         # Revisions of map and ground, time, number and map.
         self._pictured: tuple[tuple[int, int], float, int, Grid] | None = None
@@ -106,7 +107,7 @@ class NavigationDriver:
             UserError: it drives in a saved map, or cannot drive now.
         """
         self.unit.explore()
-        self._explores_for_page = from_page
+        self._page_explorer = self.unit.explorer if from_page else None
 
     @property
     def no_exploring(self) -> str:
@@ -117,7 +118,8 @@ class NavigationDriver:
 
     def lose_page(self) -> None:
         """End a goal that the page has asked for: nobody sees any more where it leads."""
-        if self._is_of_page or (self._explores_for_page and self.unit.is_exploring):
+        explores = self.unit.is_exploring and self.unit.explorer is self._page_explorer
+        if self._is_of_page or explores:
             self.unit.stop('the page is gone')
 
     def leave(self) -> None:
@@ -131,7 +133,6 @@ class NavigationDriver:
 
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
-        self._explores_for_page &= self.unit.is_exploring
         self._tell_odometry()
         if self._ground is not None:
             self._ground.step()
