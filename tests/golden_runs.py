@@ -130,9 +130,9 @@ def _recorded(path: Path) -> dict[str, list[Any]]:
     reader = BagReader(path)
     found: dict[str, list[Any]] = {}
     for topic in reader.topics:
-        # Diagnostics come by wall time.
-        is_counted = not topic.name.endswith('/diagnostics')
-        found[topic.name] = [topic.kind, topic.messages if is_counted else None]
+        if topic.name.endswith('/diagnostics'):
+            continue  # by wall time: a run of less than a second has none
+        found[topic.name] = [topic.kind, topic.messages]
         if topic.name.endswith(UNTIMED):
             package, _, name = topic.kind.split('/')
             kind = getattr(importlib.import_module(f'{package}.msg'), name)
