@@ -92,7 +92,8 @@ class Guarded(PhysicalRobot):
             scan = self.scan(np.empty((0, 6)))
             if scan is not None:
                 self._guard.see(scan, odometry)
-            guarded = self._guard.step(asked, odometry, 1.0 / RATE)
+            self._guard.pass_time(1.0 / RATE)
+            guarded = self._guard.step(asked, odometry)
             self.limited += bool(guarded.action)
             asked = guarded.velocity
         self.step(asked)
@@ -177,7 +178,8 @@ class _GuardedMotion(KinematicRobot):
         return scan
 
     def step(self, asked: np.ndarray) -> None:
-        super().step(self._guard.step(asked, self._odometry, 1.0 / RATE).velocity)
+        self._guard.pass_time(1.0 / RATE)
+        super().step(self._guard.step(asked, self._odometry).velocity)
 
     @property
     def _odometry(self) -> Odometry:

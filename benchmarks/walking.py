@@ -23,7 +23,7 @@ from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from robot_description.description import Description, load_robot
 from robot_description.morphology.quadruped import scale_of
-from robot_description.mujoco.builder import lowest_point
+from robot_description.mujoco.builder import lowest_geom_point
 from robot_description.robot import Joint
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.run.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
@@ -245,7 +245,7 @@ def _tumble(world: World, seed: int) -> None:
         for y in np.linspace(-FOOTPRINT, FOOTPRINT, LOOKS)
     )
     pose[2] = 5.0
-    pose[2] += DROP + ground - lowest_point(world.model, world.data, world.root)
+    pose[2] += DROP + ground - lowest_geom_point(world.model, world.data, world.root)
     mujoco.mj_forward(world.model, world.data)
 
 

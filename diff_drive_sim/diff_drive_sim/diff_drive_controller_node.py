@@ -18,11 +18,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import did_you_mean
 from wasd_core.messages import (
-    joint_state,
     to_base_state,
     to_base_transform,
     to_diagnostics,
     to_joint_commands,
+    to_joint_state,
     to_odometry,
     to_seconds,
 )
@@ -187,7 +187,7 @@ class DiffDriveControllerNode(Node):
                 [*self.unit.flip(values)] * repeat
                 for values in (self.unit.angles, self.unit.wheel_velocities)
             )
-            self._wheel_states.publish(joint_state(self._names, stamp, positions, velocities))
+            self._wheel_states.publish(to_joint_state(self._names, stamp, positions, velocities))
 
     def odometry(self, stamp: Any = None) -> Odometry:
         """Return odom as `publish` would publish it."""
@@ -358,7 +358,7 @@ class DiffDriveControllerNode(Node):
             return []
         why = 'has a parent already' if frame in robot.links else 'is no link of the description'
         root = robot.moving_link
-        return [f'base_frame_id {frame!r} {why}, its root is {root!r}: /tf is no tree']
+        return [f'base_frame_id {frame!r} {why}, it moves with {root!r}: /tf is no tree']
 
     def _is_base(self, frame: str) -> bool:
         """Whether a frame is the root; a robot's prefix may be before it, or in its name."""

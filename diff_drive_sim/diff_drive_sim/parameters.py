@@ -134,7 +134,8 @@ class OdometryParameters(Parameters):
     odom_frame_id: str = parameter('odom', doc='Frame in which odometry is given', read_only=True)
     base_frame_id: str = parameter(
         '',
-        doc="Frame of the robot that odometry follows; empty: the description's root",
+        doc="Frame of the robot that odometry follows; empty: the description's root, or what "
+        'floats below its world',
         read_only=True,
     )
     enable_odom_tf: bool = parameter(

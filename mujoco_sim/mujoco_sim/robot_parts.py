@@ -5,7 +5,7 @@ import math
 
 import mujoco
 import numpy as np
-from robot_description.mujoco.builder import lowest_point
+from robot_description.mujoco.builder import lowest_geom_point
 
 from mujoco_sim.robot_setup import RobotSetup
 
@@ -94,7 +94,7 @@ def put_at_start(
     place[:2] += setup.place
     place[2] = setup.height
     if setup.sink < math.inf:
-        place[2] += max(0.0, -setup.sink - lowest_point(model, data, parts.root))
+        place[2] += max(0.0, -setup.sink - lowest_geom_point(model, data, parts.root))
 
 
 def outline_of(

@@ -17,9 +17,9 @@ from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import InvalidMessage, SimulationError
 from wasd_core.messages import (
     from_joint_commands,
-    joint_state,
     to_diagnostics,
     to_imu,
+    to_joint_state,
     to_seconds,
     to_stamp,
 )
@@ -218,10 +218,10 @@ class SimulatorNode(Node):
             self._imu.publish(to_imu(reading.imu, self._root, stamp))
         if self._feet and has_listener(self._contacts):
             forces = self._world.contact_forces(self._feet)
-            self._contacts.publish(joint_state(self._feet, stamp, effort=forces))
+            self._contacts.publish(to_joint_state(self._feet, stamp, effort=forces))
         if has_listener(self._joint_states):
             names = self._world.joint_names
-            self._joint_states.publish(joint_state(names, stamp, *reading.joints))
+            self._joint_states.publish(to_joint_state(names, stamp, *reading.joints))
         self.truth.publish()
 
     def _on_command(self, message: JointTrajectory) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from rclpy.node import Node
 from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
-from wasd_core.messages import joint_state, to_odometry, to_seconds, to_stamp
+from wasd_core.messages import to_joint_state, to_odometry, to_seconds, to_stamp
 from wasd_core.robot_io import BaseOdometry, BaseState
 from wasd_core.rotations import rotate_inverse
 from wasd_core.topics import has_listener, has_subscriber, RELIABLE, SENSOR_DATA
@@ -56,7 +56,7 @@ class TruthPublisher:
             self._truth.publish(to_ground_truth(base, WORLD_FRAME, self._root, stamp))
         if self._slip.joints and has_listener(self._slips):
             ratios, speeds = zip(*self._slip.measure(), strict=True)
-            self._slips.publish(joint_state(self._slip.joints, stamp, ratios, speeds))
+            self._slips.publish(to_joint_state(self._slip.joints, stamp, ratios, speeds))
 
     def compare(self, odometry: Callable[[], Odometry | None]) -> None:
         """Publish the error of the odometry of now, which is asked for only if needed."""

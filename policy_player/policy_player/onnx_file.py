@@ -123,7 +123,7 @@ def _parts(message: bytes, *numbers: int) -> Iterator[bytes]:
 
 
 def _fields(message: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the number and the bytes of each field of a message that has bytes."""
+    """Yield number and bytes of each field that has bytes; ValueError or IndexError: cut short."""
     at, end = 0, len(message)
     while at < end:
         key, at = _varint(message, at)

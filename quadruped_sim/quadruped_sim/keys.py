@@ -44,6 +44,8 @@ STATE_KEYS = {
 
 # States that follow velocities.
 FOLLOWING = (StateName.MOVE_BASE, StateName.POLICY)
+# States in which it is driven, and in which its feet tell how the ground rises on its way.
+DRIVEN = (StateName.TROTTING, *FOLLOWING)
 # Keys that leave each state.
 TRANSITIONS = {
     StateName.PASSIVE: '26',
@@ -243,7 +245,8 @@ _EFFECTS = {
 LONGEST_NAME = 20
 # The sticks that drive a trot.
 _DRIVING = ('lx', 'ly', 'rx')
-_DRIVEN = (StateName.TROTTING, StateName.POLICY)
+# States whose sticks are velocities.
+_BY_STICKS = (StateName.TROTTING, StateName.POLICY)
 # What a stranger tries, and the sticks' keys that mean it.
 ARROWS = {'UP': 'w', 'DOWN': 's', 'LEFT': 'j', 'RIGHT': 'l'}
 
@@ -316,9 +319,9 @@ class KeyWords:
             return None if key == STOP_KEY else self._to_drive(state, key)
         axis, direction = STICK_KEYS[key.lower()]
         name = self._called(key)
-        if state in _DRIVEN and axis in _DRIVING:
+        if state in _BY_STICKS and axis in _DRIVING:
             return None if has_moved else f'{name}: full stick'
-        if state in _DRIVEN:
+        if state in _BY_STICKS:
             return f'{name} moves in 3 (press 2, then 3 to lean)'
         effect = _EFFECTS.get(state, {}).get((axis, direction))
         if effect is None:

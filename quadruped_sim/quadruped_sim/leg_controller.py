@@ -17,6 +17,7 @@ from quadruped_sim.estimation.kalman import Footing, KalmanEstimator
 from quadruped_sim.estimation.load import feel_ground, LoadObserver
 from quadruped_sim.estimation.touch import ContactDetector
 from quadruped_sim.keys import (
+    DRIVEN,
     EYES_KEY,
     FOLLOWING,
     GAIT_KEYS,
@@ -57,7 +58,6 @@ _NO_FOOT = np.zeros(4)
 NO_POLICY = 'start with --policy FILE (there is no policy to play)'
 NO_JUMP = 'motors too weak or too slow to jump'
 # States in which its feet tell how the ground rises on its way.
-_WALKING = (StateName.TROTTING, *FOLLOWING)
 # States that need no fresh readings, and keys that lead to them.
 _HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
 _HELD_KEYS = '127'
@@ -471,7 +471,7 @@ class LegController:
         assert reading.imu is not None  # `filter_reading` lets none without one through
         measured = reading.imu.orientation, self._measured
         read_legs(self._geometry, robot.flat, joints.position, joints.velocity, *measured)
-        is_walking = self._machine.state in _WALKING
+        is_walking = self._machine.state in DRIVEN
         normal = self.locomotion.normal() if is_walking else _UP
         if truth is None or not self._uses_truth:
             self._filter(reading.imu, normal, is_walking, dt)

@@ -46,8 +46,9 @@ ACCELERATION_SHARE = 0.4
 # Motors of less than this share of the Go2's speed have not the time to lift feet as high: at full
 # stick such robots came sideways only 0.83 as fast (catalogue: legs/slow_motors).
 LIFT_SHARE = 0.5
-# The slowest rate [Hz] at which a Go2 at 2 m/s does not fall with answers that come three states
-# late, which is the most that the simulator allows; and the physics'.
+# Lowest rate [Hz]: at 250 a Go2 at 2 m/s falls with answers three states late, the most that the
+# simulator allows; at 300 it does not (benchmarks/state_rates.py, until 62186c74). Highest: that
+# of physics.
 RATES = (300.0, 1000.0)
 NAME = 'leg_controller'
 # Parameters of the driver or the wire, not of the body.

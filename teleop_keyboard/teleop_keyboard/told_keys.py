@@ -43,7 +43,7 @@ class ToldKeys:
         """
         Note a press or a repeat; a press of a key that is down is a repeat, too.
 
-        Where Shift, pressed meanwhile, gives it another name, return the release of the old one.
+        Return the release of its old name where Shift, pressed meanwhile, has given it a new one.
         """
         if is_repeat or place in self._down:
             self._note_delay(place)

@@ -204,9 +204,10 @@ class TwistMuxNode(Node):
                 words = change.name.split('.')
                 if len(words) == 3 and words[0] in tables and words[1] in tables[words[0]]:
                     row = tables[words[0]][words[1]]
-                    changed = dataclasses.replace(row, **{words[2]: change.value})
-                    tables[words[0]][words[1]] = changed
-        except (InvalidParameter, TypeError) as error:
+                    tables[words[0]][words[1]] = dataclasses.replace(
+                        row, **{words[2]: change.value}
+                    )
+        except InvalidParameter as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._tables = {name: list(rows.values()) for name, rows in tables.items()}
         self.mux.configure(self._tables['topics'], self._tables['locks'])

@@ -213,8 +213,8 @@ def test_an_unknown_parameter_is_said_with_its_neighbour(make, capfd):
 @pytest.mark.parametrize(
     ('frame', 'note'),
     [
-        ('base_link', "base_frame_id 'base_link' has a parent already, its root is"),
-        ('chassis', "base_frame_id 'chassis' is no link of the description, its root is"),
+        ('base_link', "base_frame_id 'base_link' has a parent already, it moves with"),
+        ('chassis', "base_frame_id 'chassis' is no link of the description, it moves with"),
     ],
 )
 def test_a_base_frame_that_breaks_the_tree_is_said(make, capfd, frame, note):

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros_types import store
 from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import get_typestore, Stores
 from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -47,10 +47,9 @@ def bag(runner: Any, both: Any) -> dict[str, list[tuple[int, Any]]]:
     """Return the messages of that run, by topic."""
     reader = McapReader(Path(runner.folder / 'both.mcap'))
     reader.open()
-    store = get_typestore(Stores.ROS2_JAZZY)
     found: dict[str, list[tuple[int, Any]]] = {one.topic: [] for one in reader.connections}
     for one, at, data in reader.messages(reader.connections):
-        found[one.topic].append((at, store.deserialize_cdr(data, one.msgtype)))
+        found[one.topic].append((at, store().deserialize_cdr(data, one.msgtype)))
     reader.close()
     return found
 

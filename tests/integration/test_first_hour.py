@@ -359,10 +359,10 @@ def test_the_page_opens_itself_where_somebody_sits_in_front_of_a_desktop(
 
 
 @pytest.mark.parametrize(('more', 'opens'), [((), True), (('--no-open',), False)])
-def test_no_page_opens_where_it_shall_not(
+def test_the_page_opens_unless_no_open_is_said(
     monkeypatch: pytest.MonkeyPatch, more: tuple[str, ...], opens: bool
 ) -> None:
-    # In this process, as what opens a page is left to itself: nobody knows when it would have.
+    # In this process: what opens a page runs by itself, so nobody could tell that it never will.
     shown: list[str] = []
     monkeypatch.setattr(run_command, '_is_interactive', lambda reader: True)
     monkeypatch.setattr(run_command, 'show_page', shown.append)

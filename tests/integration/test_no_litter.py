@@ -13,7 +13,7 @@ from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
-# A node, which all make in one way, and a run.
+# One node, as all are started alike, and one run.
 PROGRAMS = {
     'diff_drive_controller': ('diff_drive_sim.diff_drive_controller_node',),
     'wasd': ('wasd_bringup.cli', 'mbot', '--duration', '600'),

@@ -202,7 +202,7 @@ def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench, is_ba
         pytest.param(block, is_backward, id=f'{name}-{order}')
         for name, block in MBOTS.items()
         for order, is_backward in ORDERS.items()
-        # Who misses whom in it does in mbot_goal or in mbot_fake, too.
+        # Who starts too early in it also does so in mbot_goal or mbot_fake.
         if (name, order) != ('mbot', 'backward')
     ],
 )

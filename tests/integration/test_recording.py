@@ -2,7 +2,6 @@
 """`--record`: what was published is in the file, whatever ends the run."""
 
 from collections import defaultdict
-import functools
 from pathlib import Path
 import resource
 import signal
@@ -10,8 +9,8 @@ import time
 from typing import Any
 
 import pytest
+from ros_types import store
 from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import get_typestore, Stores
 from terminals import PATIENCE
 from wasd_bringup.tools.recording.reader import BagReader
 
@@ -19,12 +18,6 @@ pytestmark = pytest.mark.slow
 
 KEYS = '0.5 i*30\n3 j*60\n6 u*20\n8 ,*60'
 DURATION = 12  # [s]
-
-
-@functools.cache
-def store() -> Any:
-    """Return the types of ROS as rosbags knows them: to load them takes half a second."""
-    return get_typestore(Stores.ROS2_JAZZY)
 
 
 class Bag:

@@ -2,25 +2,18 @@
 """What `wasd mbot` says of itself in a recording: its error, its slip, what it sees."""
 
 from collections.abc import Callable
-import functools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ros_types import store
 from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import get_typestore, Stores
 
 pytestmark = pytest.mark.slow
 
 ARC = '0 0.4 0 0.6\n2 0 0 0'
 Messages = dict[tuple[int, int], Any]
-
-
-@functools.cache
-def store() -> Any:
-    """Return the types of ROS as rosbags knows them: to load them takes half a second."""
-    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def read(path: Path, topic: str) -> Messages:

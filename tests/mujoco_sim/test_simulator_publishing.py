@@ -15,7 +15,7 @@ from mujoco_sim import simulator_node, truth_publisher
 pytestmark = pytest.mark.slow
 
 PARTS = (
-    (simulator_node, 'joint_state'),
+    (simulator_node, 'to_joint_state'),
     (truth_publisher, 'to_ground_truth'),
     (simulator_node, 'to_imu'),
 )

@@ -21,7 +21,7 @@ class Walk:
     """Step heights of a Go2 whose FL is in mid swing over level ground at z 0."""
 
     def __init__(self, model, state, rules):
-        self.height, self.rules = StepHeight(PARAMETERS.gait, model), rules
+        self.height, self.rules = StepHeight(), rules
         self.ground = Ground()
         self._state = state
 
@@ -80,9 +80,9 @@ def test_rough_ground_is_forgotten_in_its_time(walk):
 
 def test_where_it_is_rough_the_trunk_is_higher(walk):
     walk.step()
-    assert walk.height.raised == 0.0
+    assert walk.height.raised(walk.rules) == 0.0
     walk.step(force=40.0)
-    assert walk.height.raised == pytest.approx(0.03)
+    assert walk.height.raised(walk.rules) == pytest.approx(0.03)
 
 
 def test_after_a_reset_flat_ground_is_expected(walk):
@@ -103,7 +103,6 @@ def test_after_a_stumble_the_nose_is_up_until_the_ground_is_forgotten(walk):
 
 def test_a_gallop_is_too_fast_for_high_steps_and_keeps_its_nose_down(model, walk):
     gait = replace(PARAMETERS.gait, name='gallop')
-    walk.height.tune(gait)
     walk.rules = flat_rules(replace(PARAMETERS, gait=gait), model)
     assert walk.step(force=40.0) == LOW
-    assert walk.height.raised == walk.nose() == 0.0
+    assert walk.height.raised(walk.rules) == walk.nose() == 0.0

@@ -137,7 +137,6 @@ class Ament(types.ModuleType):
 for name in ('ament_index_python', 'ament_index_python.packages'):
     sys.modules[name] = Ament(name) if sys.argv[1] == 'with' else None
 from robot_description.xacro.session import expand_document
-from robot_description.xacro.session import expand_document
 from robot_description.packages import description_path
 for name in ('go2', 'mbot'):
     print(expand_document(description_path(name)).urdf)

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 # A program that holds a raw terminal until something happens to it.
 HOLDER = """
 import os, sys, time
-from teleop_keyboard.terminal import Source, Terminal
+from teleop_keyboard.terminal import Terminal
 with Terminal(0) as terminal:
     # A signal may come while the word before is still being written: `print` is not reentrant.
     terminal.before_suspend.append(lambda: os.write(1, b'suspended\\n'))

@@ -22,13 +22,10 @@ from wasd_core.output_file import OutputError
 
 pytest.importorskip('rosbags', reason="rosbags is not installed: the extra 'test'")
 
+from ros_types import store  # noqa: E402
 from rosbags.interfaces import QosDurability  # noqa: E402
 from rosbags.rosbag2.storage_mcap import McapReader  # noqa: E402
-from rosbags.typesys import (
-    get_types_from_msg,  # noqa: E402
-    get_typestore,  # noqa: E402
-    Stores,  # noqa: E402
-)
+from rosbags.typesys import get_types_from_msg  # noqa: E402
 
 STRING = 'std_msgs/msg/String'
 QOS = qos_text(QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
@@ -160,12 +157,11 @@ def test_latched_topics_are_recorded_as_latched(tmp_path: Path) -> None:
     ],
 )
 def test_a_definition_says_what_the_type_says(kind: str) -> None:
-    store = get_typestore(Stores.ROS2_JAZZY)
     types = get_types_from_msg(full_definition(kind), kind)
     assert kind in types
     for name, definition in types.items():
         # Constants and fields; rosbags knows them from its own copies.
-        assert definition == store.fielddefs[name]
+        assert definition == store().fielddefs[name]
 
 
 def test_a_type_without_a_definition_is_said_in_one_line() -> None:
@@ -190,7 +186,6 @@ def test_a_message_ends_where_its_fields_end(message: object) -> None:
     data = to_bytes(message)
     assert deserialize_message(data, type(message)) == message
     # rosbags serialises by itself, and refuses what is too long.
-    store = get_typestore(Stores.ROS2_JAZZY)
     package, interface, *_ = type(message).__module__.split('.')
     name = f'{package}/{interface}/{type(message).__name__}'
-    assert len(data) == len(store.serialize_cdr(store.deserialize_cdr(data, name), name))
+    assert len(data) == len(store().serialize_cdr(store().deserialize_cdr(data, name), name))

@@ -9,6 +9,8 @@ from wasd_bringup.run.options import RunOptions
 from wasd_core.errors import UserError
 from wasd_core.node import init_ros
 
+pytestmark = pytest.mark.slow
+
 UNTOLD = Untold(friction=0.3, payload=Payload(0.1, (0.05, 0.0, 0.02)))
 
 

@@ -15,6 +15,8 @@ from wasd_core.rotations import Pose
 from wasd_core.topics import LATCHED, RELIABLE
 from wasd_navigation.guard_node import GuardNode, main
 
+pytestmark = pytest.mark.slow
+
 NOW = 100.0
 
 

@@ -4,6 +4,7 @@
 import errno
 import os
 from pathlib import Path
+import struct
 
 from cases import for_all
 import numpy as np
@@ -110,6 +111,7 @@ GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
         (GOOD.replace('m.pgm', 'empty.pgm'), 'empty.pgm: the file is empty'),
         (GOOD.replace('m.pgm', 'cut.pgm'), 'cut.pgm: no picture: image file is truncated'),
         (GOOD.replace('m.pgm', 'damaged.png'), 'damaged.png: no picture: broken PNG file'),
+        (GOOD.replace('m.pgm', 'odd.dds'), 'odd.dds: no picture: Unknown pixel format flags 0'),
         (GOOD.replace('m.pgm', 'flat.pgm'), 'wanted at least 3 x 3 pixels, got 300 x 1'),
         (GOOD.replace('m.pgm', '"a\\nb"'), 'a b: no such file'),
         (GOOD + 'free_thresh: 0.9\n', 'free_thresh <= occupied_thresh <= 1, got 0.9 and 0.65'),
@@ -126,6 +128,8 @@ def test_what_is_no_map_is_refused_in_one_line(text: str, said: str, tmp_path: P
     picture = bytearray((tmp_path / 'damaged.png').read_bytes())
     picture[picture.index(b'IDAT') - 1] = 1  # its length: what follows is no chunk
     (tmp_path / 'damaged.png').write_bytes(picture)
+    header = struct.pack('<7I', 124, 0x1007, 4, 4, 0, 0, 0) + bytes(44)
+    (tmp_path / 'odd.dds').write_bytes(b'DDS ' + header + struct.pack('<2I', 32, 0) + bytes(108))
     (tmp_path / 'map.yaml').write_text(text)
     with pytest.raises(UserError) as refused:
         load_map(tmp_path / 'map.yaml')

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from wasd_navigation.parameters import Footprint, InvalidFootprint
 from wasd_navigation.planning.distances import FARTHEST, Field, measure_distances
-from wasd_navigation.planning.goal_field import follow, march_from, Spreading
+from wasd_navigation.planning.goal_field import follow, Spreading, WHOLE
 
 RESOLUTION = 0.05
 
@@ -33,9 +33,19 @@ def test_distances_end_where_nothing_is_looked_for() -> None:
     assert found == pytest.approx(np.full((5, 7), FARTHEST))
 
 
+def spread(
+    goal: tuple[int, int], price: np.ndarray, escape: np.ndarray | None = None
+) -> tuple[np.ndarray, float]:
+    """Return what is left to a goal's cell, and what none that is reached exceeds, at once."""
+    escape = np.zeros_like(price, bool) if escape is None else escape
+    spreading = Spreading(goal, price, escape, RESOLUTION)
+    assert spreading.work(WHOLE)
+    return spreading.values, spreading.beyond
+
+
 def test_in_the_open_what_is_left_is_the_straight_distance() -> None:
     price = np.ones((120, 120), np.float32)
-    values, _ = march_from((60, 60), price, np.zeros_like(price, bool), RESOLUTION)
+    values, _ = spread((60, 60), price)
     rows, columns = np.mgrid[:120, :120]
     straight = np.hypot(rows - 60, columns - 60) * RESOLUTION
     assert np.abs(values - straight).max() <= 0.015 * straight.max()
@@ -44,7 +54,7 @@ def test_in_the_open_what_is_left_is_the_straight_distance() -> None:
 def test_around_a_wall_what_is_left_is_the_way_by_its_end() -> None:
     price = np.ones((100, 100), np.float32)
     price[50, :80] = np.inf
-    values, _ = march_from((30, 40), price, np.zeros_like(price, bool), RESOLUTION)
+    values, _ = spread((30, 40), price)
     corner = np.array((50, 80))
     way = np.linalg.norm(corner - (30, 40)) + np.linalg.norm(corner - (70, 40))
     assert values[70, 40] == pytest.approx(way * RESOLUTION, rel=0.04)
@@ -59,7 +69,7 @@ def test_around_a_wall_what_is_left_is_the_way_by_its_end() -> None:
 def test_nothing_is_left_from_where_no_way_leads() -> None:
     price = np.ones((40, 40), np.float32)
     price[20] = np.inf
-    values, beyond = march_from((5, 5), price, np.zeros_like(price, bool), RESOLUTION)
+    values, beyond = spread((5, 5), price)
     assert (values[21:] == beyond).all()
     assert (values[:20] < beyond).all()
 
@@ -69,7 +79,7 @@ def test_one_finds_out_of_where_nobody_may_be_but_not_through() -> None:
     price[20:24] = np.inf
     escape = np.zeros_like(price, bool)
     escape[20:24] = True
-    values, beyond = march_from((5, 5), price, escape, RESOLUTION)
+    values, beyond = spread((5, 5), price, escape)
     assert (values[20:24] < beyond).all()
     assert (np.diff(values[18:24], axis=0) > 0.0).all()
     assert (values[24:] == beyond).all()
@@ -81,7 +91,7 @@ def test_what_is_left_is_the_same_in_slices_as_at_once() -> None:
     price[30:36] = np.inf
     escape = np.zeros_like(price, bool)
     escape[30:33] = True
-    whole, beyond = march_from((5, 5), price, escape, RESOLUTION)
+    whole, beyond = spread((5, 5), price, escape)
     slices = Spreading((5, 5), price, escape, RESOLUTION)
     count = 1
     while not slices.work(500):

@@ -4,6 +4,7 @@
 import argparse
 from collections.abc import Sequence
 import functools
+import math
 import sys
 
 from wasd_core.command_line import OneLineParser
@@ -52,9 +53,10 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _whole(text: str, most: int = sys.maxsize) -> int:
+def _whole(text: str, most: float = math.inf) -> int:
     if not text.isascii() or not text.isdigit() or int(text) > most:
-        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a whole number, 0 to {most}')
+        span = '>= 0' if math.isinf(most) else f'from 0 to {most}'
+        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a whole number {span}')
     return int(text)
 
 

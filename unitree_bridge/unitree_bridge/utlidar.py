@@ -113,7 +113,8 @@ class LidarTopics:
         for raw in wire.take(topics.LIDAR_SWITCH):
             with contextlib.suppress(InvalidMessage):
                 said = decode(STRING, raw)['data']
-                self.is_on = said == 'ON' if said in ('ON', 'OFF') else self.is_on
+                if said in ('ON', 'OFF'):
+                    self.is_on = said == 'ON'
 
     def _follow_base(self) -> None:
         """Note where the base is, for what is told of clouds."""

@@ -366,6 +366,9 @@ class G1(Robot):
         Raises:
             UserError: another key, or the state cannot follow the present one, and what to press.
         """
+        # Here, because a G1 alone needs it.
+        from wasd_bringup.run.legged import HOIST_KEY
+
         with self._alone('press'):
             if self._robot.heeds_e_stop(key, 'script'):
                 return
@@ -374,7 +377,7 @@ class G1(Robot):
                 raise UserError(f'press: got {key!r}, wanted {", ".join(refusals)}')
             if refusals[key]:
                 raise UserError(refusals[key])
-            if key in STATE_KEYS:  # the hoist's key keeps it
+            if key != HOIST_KEY:  # that one keeps it
                 self._velocity = None
             self._robot.press_state(key)
 

@@ -35,14 +35,12 @@ _LARGEST_SETTINGS = 100_000
 _LOG = logging.getLogger(__name__)
 _FIXED = style.flags(
     imgui.WindowFlags,
-    *(
-        'NoTitleBar',
-        'NoResize',
-        'NoMove',
-        'NoCollapse',
-        'NoSavedSettings',
-        'NoBringToFrontOnFocus',
-    ),
+    'NoTitleBar',
+    'NoResize',
+    'NoMove',
+    'NoCollapse',
+    'NoSavedSettings',
+    'NoBringToFrontOnFocus',
     'NoNav',  # a window that was clicked must not take the keys: they drive
 )
 _CHIP = _FIXED | int(imgui.WindowFlags.AlwaysAutoResize.value)

@@ -45,14 +45,12 @@ _CAPSULE, _BOX = int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_B
 _TRACKING, _FREE = mujoco.mjtCamera.mjCAMERA_TRACKING, mujoco.mjtCamera.mjCAMERA_FREE
 _HAND_FLAGS = style.flags(
     imgui.WindowFlags,
-    *(
-        'NoDecoration',
-        'NoBackground',
-        'NoMove',
-        'NoSavedSettings',
-        'NoBringToFrontOnFocus',
-        'NoNav',
-    ),
+    'NoDecoration',
+    'NoBackground',
+    'NoMove',
+    'NoSavedSettings',
+    'NoBringToFrontOnFocus',
+    'NoNav',
 )
 
 

@@ -28,8 +28,8 @@ class Feed:
     """
     The rate of a stream of readings, by their stamps.
 
-    A controller that is fed too slowly answers states that are gone: three states late at 250 Hz,
-    a Go2 falls from a fast trot. It reads no clock.
+    A controller that is fed too slowly answers states that are gone, and the robot falls. It reads
+    no clock.
     """
 
     def __init__(self, wanted: float) -> None:

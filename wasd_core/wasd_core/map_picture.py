@@ -215,7 +215,7 @@ def _read_shares(path: Path, negate: bool, mode: str = 'trinary') -> np.ndarray:
         OSError,
         ValueError,
         SyntaxError,  # of a PNG
-        NotImplementedError,
+        NotImplementedError,  # of a DDS
         Image.DecompressionBombError,
     ) as error:
         raise MapFileError(f'{path}: no picture: {one_line(error)}') from error

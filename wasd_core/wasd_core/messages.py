@@ -50,7 +50,7 @@ def to_stamp(simulated: float) -> Time:
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
-def joint_state(
+def to_joint_state(
     names: Sequence[str],
     stamp: Time,
     position: ArrayLike = (),

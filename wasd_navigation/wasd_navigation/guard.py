@@ -88,7 +88,7 @@ class Guard:
     """
     Takes scans with the odometry of their time, and commands; says how much of each is followed.
 
-    It reads no clock: `pass_time` and `step` are told what has passed [s]. `braking` are the
+    It reads no clock: `pass_time` is told what has passed [s]. `braking` are the
     decelerations that the robot is sure to manage (ahead, to the side, turning), shape (3,)
     [m/s^2, m/s^2, rad/s^2].
     """
@@ -149,13 +149,8 @@ class Guard:
         self._sighted.step(dt)
         self._ages = self._ages + max(dt, 0.0)
 
-    def step(self, asked: np.ndarray, odometry: Odometry | None, dt: float) -> Guarded:
-        """
-        Return how much of a command to follow, `dt` [s] after the last one, or `pass_time`.
-
-        `asked` is (vx, vy, wz), shape (3,), `odometry` that of now.
-        """
-        self.pass_time(dt)
+    def step(self, asked: np.ndarray, odometry: Odometry | None) -> Guarded:
+        """Return how much of a command (vx, vy, wz), shape (3,), to follow; `odometry` of now."""
         self.last = self._limit(np.array(asked, float), odometry)
         return self.last
 
@@ -315,7 +310,7 @@ def warm_up(footprint: Footprint) -> None:
     scan = Scan(np.zeros(2), points, np.ones(2, np.bool_))
     here = Odometry(np.zeros(3), np.zeros(3), np.eye(3), Pose(np.zeros(3), np.eye(3)))
     guard.see(scan, here)
-    guard.step(np.array((1.0, 0.0, 1.0)), here, 0.1)
+    guard.step(np.array((1.0, 0.0, 1.0)), here)
 
 
 def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -91,7 +91,7 @@ class GuardNode(Node):
         self.guard.pass_time(dt)
 
     def _limit(self) -> np.ndarray:
-        guarded = self.guard.step(self._asked, self.senses.odometry, 0.0)
+        guarded = self.guard.step(self._asked, self.senses.odometry)
         words = ': '.join(filter(None, (guarded.action, guarded.why)))
         if words != self._said:
             self._said = words

@@ -54,8 +54,8 @@ class NavigatorNode(Node):
     The face of a robot's navigator: scan, odom and goals in; map, plan, pose and cmd_vel out.
 
     The owner of a given `navigation` gives it odometry and scans, takes its commands, steps it and
-    calls `publish`. Alone, it makes one by its parameters,
-    takes sensors from topics, publishes velocities and steps on a timer of its clock.
+    calls `publish`. Alone, it makes one by its parameters, takes sensors from topics, publishes
+    velocities and steps on a timer of its clock.
 
     Raises:
         UserError: a parameter is not valid, or the map cannot be read.

@@ -108,6 +108,7 @@ class KalmanEstimator:
     def __init__(
         self, params: EstimatorParameters, foot_radius: float, imu_offset: np.ndarray
     ) -> None:
+        # Beside the parameters: the IMU in the base (3,) and the radius of the feet [m].
         self._robot = {'imu_offset': imu_offset, 'radius': foot_radius}
         blank = Gaussian(
             *(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1, 1, 1, 2, 1, 1))

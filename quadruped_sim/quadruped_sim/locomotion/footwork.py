@@ -14,9 +14,6 @@ from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import advance, BaseReference
 from quadruped_sim.locomotion.sight import find_seen_footholds, survey
 from quadruped_sim.locomotion.swing import arrival_of, find_landing, FootPaths, lead, SwingTargets
-from quadruped_sim.presets import GAITS
-from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.tuning import GaitParameters
 
 # Feet that stand this far off the plane through all are the noise of a flat floor, and this far
 # off are on rough ground, in full; on the Go2 [m].
@@ -48,23 +45,16 @@ class StepHeight:
     State: how rough the ground is, from 0 to 1. It is felt at once and forgotten slowly.
     """
 
-    def __init__(self, params: GaitParameters, model: RobotModel) -> None:
-        self._scale = model.scale.of('m')
+    def __init__(self) -> None:
         self.flat = np.zeros(1)
-        self.tune(params)
-
-    def tune(self, params: GaitParameters) -> None:
-        """Walk in another gait."""
-        self._raised = GAITS[params.name].rough * _RAISED * self._scale
 
     def reset(self) -> None:
         """Expect flat ground."""
         self.flat[0] = 0.0
 
-    @property
-    def raised(self) -> float:
-        """How much higher the trunk is than on flat ground [m]."""
-        return self.roughness * self._raised
+    def raised(self, rules: np.ndarray) -> float:
+        """Return how much higher the trunk is than on flat ground [m], by `flat_rules`."""
+        return self.roughness * float(rules['rough'][0] * _RAISED * rules['length'][0])
 
     @property
     def roughness(self) -> float:

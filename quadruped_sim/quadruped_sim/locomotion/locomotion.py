@@ -71,7 +71,7 @@ class Locomotion:
         self.mpc = ConvexMpc(params.mpc, inertia)
         self.whole_body = WholeBody(params.whole_body, params.mpc, model.limits)
         self._tracking = BaseTracking(params.whole_body, inertia)
-        self.step_height = StepHeight(params.gait, model)
+        self.step_height = StepHeight()
         self.grip = Grip(params.mpc.friction)
         self.sight = Sight()
         self._params = params
@@ -101,7 +101,6 @@ class Locomotion:
         self._nominal_height = self._height_of(params)
         self.gait.tune(params.gait)
         self.grip.guess = params.mpc.friction
-        self.step_height.tune(params.gait)
         self.mpc.tune(params.mpc)
         self.whole_body.tune(params.whole_body, params.mpc)
         self._tracking.tune(params.whole_body)
@@ -198,7 +197,7 @@ class Locomotion:
     def _settle_height(self, dt: float) -> float:
         """Height of the base above the ground, on its way to that which the ground asks for."""
         most = dt * self._height_rate
-        raised = self.step_height.raised
+        raised = self.step_height.raised(self.rules)
         if raised > 0.0:  # rough ground alone asks for the slope
             raised *= max(1.0 - self.ground.slope / STEEP, 0.0)
         ahead = self._nominal_height + raised - self._height

@@ -120,7 +120,7 @@ class Jump(OnFeet):
         Motors that fade give less than they are asked for.
         """
         jump = self._parts.params.jump
-        share = min(self._highest / jump.height, 1.0)  # that is left of height and way
+        share = min(self._highest / jump.height, 1.0)  # of what is asked for
         up = math.sqrt(2.0 * GRAVITY * share * jump.height)
         drop = (EXTENDED - LANDED) * self._scale('m')
         flight = (up + math.sqrt(up * up + 2.0 * GRAVITY * drop)) / GRAVITY

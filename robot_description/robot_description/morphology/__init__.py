@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What names of joints and links say: sides, and which of several names was meant."""
+"""What a robot is by its links, its joints and their names: legs, wheels, casters, kinds."""

@@ -245,12 +245,14 @@ def holding(joint: str) -> str:
 def _hang(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Lift a robot whose feet would be in the floor; what stands on it stays."""
     model = compile_model(spec)
-    lowest = lowest_point(model, mujoco.MjData(model))
+    lowest = lowest_geom_point(model, mujoco.MjData(model))
     if lowest < -CLEARANCE and robot.base != robot.root:
         spec.body(robot.base).pos[2] += CLEARANCE - lowest
 
 
-def lowest_point(model: mujoco.MjModel, data: mujoco.MjData, root: int | None = None) -> float:
+def lowest_geom_point(
+    model: mujoco.MjModel, data: mujoco.MjData, root: int | None = None
+) -> float:
     """
     Return the height of the lowest point that collides [m]; inf if none does.
 

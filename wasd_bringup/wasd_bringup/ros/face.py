@@ -123,7 +123,7 @@ class RosFace:
 
 
 def _refuse_vain(simulator: SimulatorNode) -> None:
-    """Refuse parameters of a simulator other than those that its robot has been built with."""
+    """Refuse a parameter that is neither its default nor what the robot was built with."""
 
     def said(parameters: SimulatorParameters) -> dict[str, Any]:
         untold = vars(Untold.from_parameters(parameters))

@@ -12,7 +12,15 @@ from mujoco_sim.world import LONG_STEP, World
 import numpy as np
 from policy_player.loading import load_policy
 from quadruped_sim.height_scan import known_scan
-from quadruped_sim.keys import FOLLOWING, KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
+from quadruped_sim.keys import (
+    DRIVEN,
+    FOLLOWING,
+    KeyWords,
+    STATE_KEYS,
+    StateName,
+    STICK_KEYS,
+    ZERO_KEYS,
+)
 from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import LegNodeParameters
@@ -38,8 +46,6 @@ LIDAR_NEEDED = (
 )
 # A pit has no ground: its height is told as this far below the base [m].
 PIT = 2.0
-# States in which the robot is being driven.
-DRIVEN = (StateName.TROTTING, *FOLLOWING)
 # The keys of the states policy and passive.
 POLICY = next(key for key, state in STATE_KEYS.items() if state is StateName.POLICY)
 PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)

@@ -38,7 +38,7 @@ class RobotGuard:
         robot.guard_words = lambda: self.words
         robot.drivers.guard = lambda: self.action
         robot.simulation.on_reset.append(self._reset)
-        listen_to_lidar(robot, tag, self._senses, self._take_odometry)
+        listen_to_lidar(robot, tag, self._senses, self._catch_up)
 
     @property
     def words(self) -> str:
@@ -58,11 +58,11 @@ class RobotGuard:
         dt = now - self._stepped_at
         if wanted != self._asked or dt >= PERIOD - 1e-9:
             self._asked, self._stepped_at = wanted, now
-            self._take_odometry()
-            self.unit.step(np.array(wanted), self._senses.odometry, 0.0)
+            self._catch_up()
+            self.unit.step(np.array(wanted), self._senses.odometry)
         return self.unit.last.velocity
 
-    def _take_odometry(self) -> None:
+    def _catch_up(self) -> None:
         """Let time pass up to now, and take the odometry of now."""
         base, now = self._robot.odometry, self._robot.world.time
         self.unit.pass_time(now - self._passed_at)

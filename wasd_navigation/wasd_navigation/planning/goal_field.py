@@ -133,9 +133,13 @@ class DiscField:
 
 class Spreading:
     """
-    The values of `march_from`, in slices: `values` and `beyond` are valid once all is known.
+    Values [m of free way], shape (rows, columns), float32, worked out in slices.
 
-    It takes what that takes.
+    `values`, and `beyond`, which none that is reached exceeds, are valid once all is known. `goal`
+    is its cell (row, column). `price`, float32 of the same shape, says what a metre costs in a
+    cell, infinite where nobody may be. `escape`, bool, are cells where nobody may be, but from
+    which one finds out; what is reached through them only does not count. `border`, float32, is
+    what is left from cells beyond which a way goes on, infinite elsewhere.
     """
 
     def __init__(
@@ -174,26 +178,6 @@ class Spreading:
         into = self._escape & ~reached
         self._price = np.where(into, np.float32(ESCAPE_PRICE), np.float32(np.inf))
         _begin_at_edge(self.values, self._heap, self._price)
-
-
-def march_from(
-    goal: tuple[int, int],
-    price: np.ndarray,
-    escape: np.ndarray,
-    resolution: float,
-    border: np.ndarray | None = None,
-) -> tuple[np.ndarray, float]:
-    """
-    Return values [m of free way], shape (rows, columns), float32, and what none reached exceeds.
-
-    `goal` is its cell (row, column). `price`, float32 of the same shape, says what a metre
-    costs in a cell, infinite where nobody may be. `escape`, bool, are cells where nobody may
-    be, but from which one finds out; what is reached through them only does not count. `border`,
-    float32, is what is left from cells beyond which a way goes on, infinite elsewhere.
-    """
-    spreading = Spreading(goal, price, escape, resolution, border)
-    spreading.work(WHOLE)
-    return spreading.values, spreading.beyond
 
 
 def ways_from(cell: np.ndarray, price: np.ndarray, resolution: float) -> np.ndarray:

@@ -248,9 +248,8 @@ class Surroundings:
         inside = self.grid.covers(cells)
         points, cells = points[inside], cells[inside]
         is_other = self._of_map[tuple(cells.T)] > _OF_THE_MAP_OF_MOVERS
-        is_other &= (
-            self.grid.cells[tuple(cells.T)] != UNKNOWN
-        )  # everything in unknown cells is new
+        # Everything in unknown cells is new.
+        is_other &= self.grid.cells[tuple(cells.T)] != UNKNOWN
         is_other |= self.movers.are_at(points)  # the map may have taken in who stands
         self.movers.see(points[is_other], transform(pose, scan.origin[None])[0])
 

@@ -218,7 +218,7 @@ class BagRecorder:
             writer.close()
 
     def discard(self) -> None:
-        """End without having recorded: there was no run. What was never saved is not."""
+        """Record no more, and leave the file as last saved: nothing has run, or a write failed."""
         self._tap.remove()
         writer, self._writer = self._writer, None
         if writer is not None:
