@@ -16,6 +16,7 @@ from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from robot_description.packages import description_path
 from terminals import PATIENCE
 from wasd_core.node import init_ros
 import yaml
@@ -64,7 +65,8 @@ CASES = {
         'wasd_navigation.navigator_node.NavigatorNode', 'limits.forward', 0.3, 'goal_pose'
     ),
     'policy_player': Case(
-        'policy_player.policy_player_node.PolicyPlayerNode', 'policy_config', 'playground', 'keys'
+        'policy_player.policy_player_node.PolicyPlayerNode',
+        'description', str(description_path('g1')), 'keys',
     ),
     'simulator': Case(
         'mujoco_sim.simulator_node.SimulatorNode', 'seed', 7, 'joint_states'
