@@ -2,13 +2,17 @@
 """What numba compiled is kept for each state of its package, for all environments that have it."""
 
 import importlib.util
+import multiprocessing
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
 import os
 from pathlib import Path
 import shutil
 import subprocess
 import sys
+from typing import Any
 
-import programs
+import kernel_user
 import pytest
 from terminals import PATIENCE
 
@@ -24,10 +28,8 @@ from kernels.numbers import SIZE
 def size():
     return SIZE
 """
-USE = """
+FRESH = """
 from kernels.size import size
-print('ready', flush=True)
-input()
 print(size(), *size.stats.cache_hits.values())
 """
 
@@ -35,13 +37,13 @@ print(size(), *size.stats.cache_hits.values())
 class Kernels:
     """A package with one kernel, which a process of its own calls."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.package = folder, folder / 'kernels'
+    def __init__(self, folder: Path, forks: Any) -> None:
+        self.folder, self.package, self._forks = folder, folder / 'kernels', forks
+        self.errors = folder / 'errors'
         self.package.mkdir()
         self.package.joinpath('__init__.py').touch()
         self.set_size(1)
         self.package.joinpath('size.py').write_text(KERNELS)
-        folder.joinpath('use.py').write_text(USE)
         self.environment = {**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache')}
         self.environment.pop('NUMBA_CACHE_DIR', None)
 
@@ -49,47 +51,70 @@ class Kernels:
         """Change a file that the kernel is compiled of, beside its own."""
         self.package.joinpath('numbers.py').write_text(f'SIZE = {size}')
 
-    def start(self, place: str = '.') -> 'subprocess.Popen[str]':
+    def start(self, place: str = '.') -> Connection:
         """Start a process that has loaded the kernel, from a folder, and waits."""
-        process = programs.start(
-            [sys.executable, '-m', 'use'],
-            cwd=self.folder / place,
-            env=self.environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert process.stdout is not None
-        assert process.stdout.readline() == 'ready\n'
-        return process
+        talk, theirs = self._forks.Pipe()
+        words = (self.folder / place, self.environment, self.errors, theirs)
+        self._forks.Process(target=kernel_user.use, args=words, daemon=True).start()
+        theirs.close()
+        assert self.hear(talk) == 'ready'
+        return talk
+
+    def hear(self, talk: Connection) -> str:
+        """Return what a process says next."""
+        assert talk.poll(PATIENCE)
+        try:
+            return str(talk.recv())
+        except EOFError:
+            pytest.fail(self.errors.read_text())
+
+    def call(self, talk: Connection) -> str:
+        """Have a process call the kernel, and return what it says."""
+        talk.send('call')
+        return self.hear(talk)
 
     def use(self, place: str = '.') -> str:
         """Return the kernel's value, and 1 if it was not compiled."""
-        return call(self.start(place))
+        return self.call(self.start(place))
+
+    def run(self, script: str) -> str:
+        """Return what a script prints, in a new interpreter."""
+        done = subprocess.run(
+            [sys.executable, '-c', script],
+            cwd=self.folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
 
     def kept(self) -> list[str]:
         """Return what is kept for the kernel, in any folder."""
         return sorted(path.name for path in self.folder.rglob('*size*.nb[ci]'))
 
 
-def call(process: 'subprocess.Popen[str]') -> str:
-    """Have a process call the kernel, and return what it says."""
-    said, _ = process.communicate('\n', timeout=PATIENCE)
-    assert process.returncode == 0
-    return said.strip()
+@pytest.fixture(scope='module')
+def forks():
+    """Return how processes are forked of one that has loaded numba."""
+    context = multiprocessing.get_context('forkserver')
+    context.set_forkserver_preload([kernel_user.__name__])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('PYTHONPATH', str(Path(kernel_user.__file__).parent))
+        forkserver.ensure_running()
+    return context
 
 
 @pytest.fixture
-def kernels(tmp_path):
+def kernels(tmp_path, forks):
     """A package with a kernel that was never compiled."""
-    return Kernels(tmp_path)
+    return Kernels(tmp_path, forks)
 
 
 def test_a_kernel_knows_the_other_files_of_its_package_under_any_name_of_it(kernels):
     """As it is in a colcon workspace of links."""
     (kernels.folder / 'install').mkdir()
     (kernels.folder / 'install/kernels').symlink_to(kernels.package)
-    (kernels.folder / 'install/use.py').symlink_to(kernels.folder / 'use.py')
     assert kernels.use() == '1'
     assert kernels.use('install') == '1 1'
     # An editor's lock is no module, and goes nowhere.
@@ -122,8 +147,7 @@ def test_an_installation_elsewhere_of_the_same_files_compiles_nothing(kernels):
     assert kernels.use() == '1'
     other = kernels.folder / 'another environment'
     other.mkdir()
-    for name in ('kernels', 'use.py'):
-        kernels.folder.joinpath(name).rename(other / name)
+    kernels.package.rename(other / 'kernels')
     for path in other.rglob('*.py'):
         os.utime(path, (0.0, 0.0))  # as each installation writes them at its own time
     assert kernels.use('another environment') == '1 1'
@@ -132,7 +156,7 @@ def test_an_installation_elsewhere_of_the_same_files_compiles_nothing(kernels):
 def test_nothing_is_written_beside_the_code(kernels):
     kernels.environment['PYTHONDONTWRITEBYTECODE'] = '1'
     before = sorted(kernels.package.rglob('*'))
-    assert kernels.use() == '1'
+    assert kernels.run(FRESH) == '1'
     assert sorted(kernels.package.rglob('*')) == before
     assert (kernels.folder / 'cache/wasd').stat().st_mode & 0o777 == 0o700
 
@@ -153,18 +177,17 @@ def test_a_kernel_knows_the_files_of_wasd_core(kernels):
     ignored = shutil.ignore_patterns('__pycache__')
     shutil.copytree(Path(wasd_core.__file__).parent, ours, ignore=ignored)
     (ours / 'weight.py').write_text('GRAVITY = 9.81')
-    kernels.environment['PYTHONPATH'] = str(kernels.folder)  # started from the beginning
     (kernels.package / 'numbers.py').write_text('from wasd_core.weight import GRAVITY as SIZE')
-    assert kernels.use() == '9.81'
+    assert kernels.run(FRESH) == '9.81'
     (ours / 'weight.py').write_text('GRAVITY = 3.7')
-    assert kernels.use() == '3.7'
+    assert kernels.run(FRESH) == '3.7'
 
 
 def test_what_an_older_process_compiles_after_a_change_is_not_used(kernels):
     older = kernels.start()
     kernels.set_size(22)
     assert kernels.use() == '22'
-    assert call(older) == '1'
+    assert kernels.call(older) == '1'
     assert kernels.use() == '22 1'
 
 
@@ -176,16 +199,8 @@ def refused(kernels, tmp_path):
 
     def use(place: Path) -> tuple[str, str]:
         kernels.environment['NUMBA_CACHE_DIR'] = str(place)
-        done = subprocess.run(
-            [sys.executable, '-m', 'use'],
-            cwd=kernels.folder,
-            env=kernels.environment,
-            input='\n',
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout.split('\n', 1)[1].strip(), done.stderr
+        value = kernels.use()
+        return value, kernels.errors.read_text()
 
     return use
 
@@ -256,12 +271,8 @@ print(numba.njit(lambda half: half @ half)(numpy.full((2, 2), 0.5))[0, 0])
 @pytest.mark.skipif(importlib.util.find_spec('scipy') is None, reason='needs SciPy')
 def test_what_is_compiled_loads_nothing_to_compile_with(kernels):
     """That comes with the first function that is not compiled yet."""
-    words = [sys.executable, '-c', LOADED]
     for loaded in (['numba.np.arraymath', 'scipy.linalg'], []):  # compiled, and from the cache
-        done = subprocess.run(
-            words, cwd=kernels.folder, env=kernels.environment, capture_output=True, text=True
-        )
-        assert done.stdout.splitlines() == [str(loaded), '0.5'], done.stderr
+        assert kernels.run(LOADED).splitlines() == [str(loaded), '0.5']
 
 
 NAMES = """
@@ -278,8 +289,4 @@ print(all(map(engine.is_symbol_defined, names)), engine.is_symbol_defined('nobod
 
 def test_of_what_is_loaded_only_the_names_that_are_asked_for_are_looked_up(kernels):
     assert kernels.use() == '1'
-    words = [sys.executable, '-c', NAMES]
-    done = subprocess.run(
-        words, cwd=kernels.folder, env=kernels.environment, capture_output=True, text=True
-    )
-    assert done.stdout.splitlines() == ['True False', 'True False'], done.stderr
+    assert kernels.run(NAMES).splitlines() == ['True False', 'True False']
