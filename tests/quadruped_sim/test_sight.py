@@ -167,6 +167,21 @@ def test_a_chosen_foothold_is_kept_while_raibert_s_moves_a_little():
         assert np.hypot(*(again - first)[0, :2]) < 0.025
 
 
+def test_a_foothold_of_before_a_gap_in_the_map_is_forgotten():
+    looker = Looker(flat)
+    looker.look(times=30)
+    looker.sight.terrain = Elevation()
+    looker.look(times=3)
+    looker.land((0.19, 0.14))
+    assert looker.sight._state.is_held[0] == 2.0
+    looker.look(times=40)
+    looker.land()
+    looker.sight.terrain = looker.terrain
+    looker.look()
+    landing, _ = looker.land((-0.40, 0.14))
+    np.testing.assert_allclose(landing, [(-0.40, 0.14, ABOVE)], atol=1e-9)
+
+
 def test_late_in_the_swing_nothing_is_chosen_anew():
     looker = Looker(stairs, x=0.1)
     looker.look()

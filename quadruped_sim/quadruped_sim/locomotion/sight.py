@@ -387,6 +387,7 @@ def find_seen_footholds(
     legs, own, plane = feet[0], sight[0], ground[0]
     lift_off, rises, arrivals, radius = asked
     if own.share[0] == 0.0:
+        own.is_held[:] = 0.0  # else a leg would step back to it where the map begins again
         return
     is_new = own.since[0] == 0.0
     for leg in range(4):
