@@ -17,7 +17,7 @@ from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.arbotix import ArbotixDrive, LegacyController, setpoints_of
-from diff_drive_sim.limits import PlanarRamp, Velocity
+from diff_drive_sim.limits import AxisLimits, PlanarRamp, Velocity
 from diff_drive_sim.odometry import (
     DiffDriveGeometry,
     find_pair,
@@ -44,6 +44,14 @@ JUMPS_SAID = 5.0
 def gains_of(parameters: DiffDriveParameters) -> Gains:
     """Return the loop's gains."""
     return Gains(parameters.Kp, parameters.Kd, parameters.Ki, parameters.Ko)
+
+
+def limits_of(
+    parameters: DiffDriveParameters, separation: float, strength: tuple[Strength, Strength]
+) -> tuple[AxisLimits, AxisLimits]:
+    """Return the limits of speed and yaw rate for a wheel separation [m] within a strength."""
+    linear, angular = parameters.linear_limits(), parameters.angular_limits(separation)
+    return linear.within(strength[0]), angular.within(strength[1])
 
 
 # A ramp goes on for no longer than this after a gap [s]: the robot eases in, not jumps. Nothing
@@ -104,9 +112,8 @@ class DiffDriveController:
     @parameters.setter
     def parameters(self, parameters: DiffDriveParameters) -> None:
         self._parameters = parameters
-        linear = parameters.linear_limits().within(self._strength[0])
-        angular = parameters.angular_limits(self.geometry.wheel_separation)
-        angular = angular.within(self._strength[1])
+        separation = self.geometry.wheel_separation
+        linear, angular = limits_of(parameters, separation, self._strength)
         self._ramp.linear.limits, self._ramp.angular.limits = linear, angular
         self._command_age.timeout = parameters.cmd_vel_timeout
         self.odometry.growth = Growth(
@@ -226,8 +233,9 @@ class DiffDrive:
 
     Both are the joints', whose signs `flip` changes; all that is inside counts forward: the last
     wheel angles [rad], their speeds [rad/s] and the encoders' ticks. In mode fake the wheels are
-    its own. `notes` are what the parameters contradict and what the motors are too weak for, in
-    words; `say` hears what is worth a line while it drives.
+    its own. `limits` are those of speed and yaw rate in force. `notes` are what the parameters
+    contradict and what the motors are too weak for, in words; `say` hears what is worth a line
+    while it drives.
     """
 
     notes: tuple[str, ...]
@@ -274,6 +282,7 @@ class DiffDrive:
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
         self.controller, self._drive = self._make_loops(geometry, parameters)
+        self._take_limits()
         self.flip = geometry.flip
         self.fake = KinematicBase(geometry)
         self.angles = self.wheel_velocities = (0.0, 0.0)
@@ -306,6 +315,11 @@ class DiffDrive:
     def parameters(self, parameters: DiffDriveParameters) -> None:
         self.controller.parameters = self._with_base_frame(parameters)
         self._drive.set_gains(gains_of(parameters))
+        self._take_limits()
+
+    def _take_limits(self) -> None:
+        separation = self.controller.geometry.wheel_separation
+        self.limits = limits_of(self.parameters, separation, self._strength)
 
     def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:
         frame = parameters.base_frame_id or self.robot.moving_link

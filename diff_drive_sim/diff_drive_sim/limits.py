@@ -20,6 +20,8 @@ from diff_drive_sim.odometry import DiffDriveGeometry
 NAN = float('nan')
 # What easing off may change a velocity that counts as reached [m/s or rad/s].
 ARRIVED = 1e-13
+# Where there is no limit of a velocity, no robot is faster [m/s or rad/s].
+FASTEST = 100.0
 
 
 class AxisLimits(NamedTuple):
@@ -81,6 +83,23 @@ class AxisLimits(NamedTuple):
     def has_jerk(self) -> bool:
         """Whether jerk has a limit."""
         return math.isfinite(self.rise) or math.isfinite(self.fall)
+
+    @property
+    def braking_delay(self) -> float:
+        """
+        How much longer than at once a stop takes for jerk, at most [s].
+
+        First speeding up ends; then braking begins and ends, of which half counts: v^2 / (2 a) +
+        v a / (2 j) is the way of such a stop from v, or more.
+        """
+        jerk = min(self.rise, self.fall)
+        if math.isinf(jerk):
+            return 0.0
+        # Of a speed no ramp reaches more than this.
+        most = math.sqrt(min(max(self.forward, self.backward), FASTEST) * jerk)
+        speed_up = min(max(self.speed_up, self.speed_up_backward), most)
+        slow_down = min(max(self.slow_down, self.slow_down_backward), most)
+        return (speed_up + 0.5 * slow_down) / jerk
 
     @property
     def for_reverse(self) -> 'AxisLimits':

@@ -23,15 +23,40 @@ WALL = """<mujoco><worldbody>
 FRONT, KEPT = {'mbot': 0.212, 'go2': 0.34}, 0.01
 
 
+# 41 kg on two wheels whose motors brake by 0.19 m/s^2.
+ROUND_WHEEL = """<link name="{side}"><inertial><mass value="0.5"/>
+<inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.04"/></geometry>
+</collision></link><joint name="{side}_joint" type="continuous"><parent link="base"/>
+<child link="{side}"/><origin xyz="0 {y} 0.1"/><axis xyz="0 1 0"/>
+<limit effort="0.5" velocity="10"/></joint>"""
+HEAVY = f"""<robot name="heavy"><link name="base"><inertial><mass value="40"/>
+<inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0 0 0.15"/><geometry><box size="0.4 0.2 0.1"/></geometry></collision>
+<collision><origin xyz="0.17 0 0.02"/><geometry><sphere radius="0.02"/></geometry></collision>
+<collision><origin xyz="-0.17 0 0.02"/><geometry><sphere radius="0.02"/></geometry></collision>
+</link>{ROUND_WHEEL.format(side='left', y=0.15)}{ROUND_WHEEL.format(side='right', y=-0.15)}
+<link name="laser"/><joint name="laser_joint" type="fixed"><parent link="base"/>
+<child link="laser"/><origin xyz="0 0 0.3"/></joint>
+<gazebo reference="laser"><sensor type="ray" name="lidar"><update_rate>10</update_rate><ray><scan>
+<horizontal><samples>360</samples><min_angle>-3.14</min_angle><max_angle>3.14</max_angle>
+</horizontal></scan><range><min>0.1</min><max>10</max></range></ray></sensor></gazebo></robot>"""
+
+
 class Guarded:
     """A robot before a wall."""
 
-    def __init__(self, robot, folder, guard=True):
+    def __init__(self, robot, folder, guard=True, description=None):
         world = folder / 'wall.xml'
         world.write_text(WALL)
         preset = 'mbot' if robot == 'mbot' else 'unitree'
         options = RunOptions(
-            robot=robot, description=robot, preset=preset, world=str(world), speed=0.0, guard=guard
+            robot=robot,
+            description=description or robot,
+            preset=preset,
+            world=str(world),
+            speed=0.0,
+            guard=guard,
         )
         self.run = Run(options)
         self.name, self.robot = robot, self.run.robot
@@ -127,6 +152,26 @@ def test_far_from_everything_it_drives_as_without_a_guard(begin):
         guarded.repeat(lambda run=guarded: run.robot.drive((-0.5, 0.0, 0.5), 'page'), 3.0)
         places.append(guarded.run.world.base().position.copy())
     assert np.array_equal(*places)
+
+
+def test_weak_motors_stop_a_heavy_robot_before_the_wall(begin, tmp_path):
+    file = tmp_path / 'heavy.urdf'
+    file.write_text(HEAVY)
+    guarded = begin('mbot', description=str(file))
+    guarded.repeat(by_velocity('page')(guarded, 0.5), 15.0)
+    assert KEPT < guarded.room < 0.3
+    assert guarded.robot.braking[0] == pytest.approx(0.19, abs=0.01)
+    assert guarded.robot.drive_limits['forward_acceleration'] < 0.19
+
+
+def test_a_limit_of_jerk_set_while_it_drives_is_braked_by(begin):
+    guarded = begin('mbot')
+    guarded.repeat(by_velocity('page')(guarded, -0.1), 0.5)
+    guarded.robot.drive_unit.parameters = guarded.robot.settings.changed(
+        {'linear.x.max_jerk': 0.3}
+    )
+    guarded.repeat(by_velocity('page')(guarded, 1.0), 15.0)
+    assert KEPT < guarded.room < 0.4
 
 
 def test_after_a_rest_it_walks_at_once(begin):

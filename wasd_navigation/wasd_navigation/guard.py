@@ -7,6 +7,7 @@ for (by time to collision, as Nav2's collision monitor), and on the way to a sto
 robot does now. What comes no nearer to anything is always allowed.
 """
 
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
@@ -96,7 +97,8 @@ class Guard:
     def __init__(
         self, footprint: Footprint, braking: np.ndarray, parameters: GuardParameters | None = None
     ) -> None:
-        self._body, self._braking = body_of(footprint), np.asarray(braking, float)
+        self._body = body_of(footprint)
+        self.brake_by(braking)
         self._sighted = Watchdog(0.0)
         self.tune(parameters or GuardParameters())
         self.reset()
@@ -105,6 +107,10 @@ class Guard:
         """Take other parameters."""
         self._parameters = parameters
         self._sighted.timeout = parameters.source_timeout
+
+    def brake_by(self, braking: Sequence[float] | np.ndarray, delay: float = 0.0) -> None:
+        """Take other decelerations, and how long the robot takes to reach them [s]."""
+        self._braking, self._delay = np.asarray(braking, float), delay
 
     def reset(self) -> None:
         """Know of nothing, as if no scan had ever come."""
@@ -195,7 +201,8 @@ class Guard:
         if share == 1.0:
             return Guarded(asked)
         if nearest < 0:  # only the way to a stop is too short
-            stop = odometry.velocity, asked, self._braking, parameters.reaction_time
+            reaction = parameters.reaction_time + self._delay
+            stop = odometry.velocity, asked, self._braking, reaction
             nearest = least_room(points, clearance, body, *stop, True)[1]
         # What waits for the way ahead may turn meanwhile.
         turned = np.array((*velocity[:2], asked[2]))
@@ -214,7 +221,8 @@ class Guard:
         points = transform(inverse(odometry.pose), self._points)
         fastest = np.maximum(np.abs(asked), np.abs(odometry.velocity))
         speed = math.hypot(fastest[0], fastest[1])
-        time = self._parameters.reaction_time + speed / float(self._braking[:2].min())
+        time = self._parameters.reaction_time + self._delay
+        time += speed / float(self._braking[:2].min())
         time = max(time, self._parameters.time_before_collision)
         away = np.hypot(points[:, 0], points[:, 1])
         way = (1.0 + self._parameters.drift) * speed * time
@@ -234,7 +242,8 @@ class Guard:
         """Return the largest share up to `most` of a command from which the robot can stop."""
         still = np.zeros(3)
         reaction = self._parameters.reaction_time
-        sure, soon = (self._braking, reaction), (SOONER * self._braking, SOON * reaction)
+        sure = self._braking, reaction + self._delay
+        soon = SOONER * self._braking, SOON * reaction
 
         def least(
             now: np.ndarray, wanted: np.ndarray, is_quick: bool, how: tuple[np.ndarray, float]
@@ -243,7 +252,7 @@ class Guard:
             return least_room(points, clearance, body, now, wanted, *how, is_quick)[0]
 
         # If it cannot stop in time, any motion that ends no nearer than a stop is allowed.
-        enough = min(0.0, least(velocity, still, True, (self._braking, 0.0))) - NO_NEARER
+        enough = min(0.0, least(velocity, still, True, (self._braking, self._delay))) - NO_NEARER
         slow = SLOW / np.array((1.0, 1.0, self._body.reach))
         goes_on = bool(((asked * velocity > 0.0) & (np.abs(velocity) > slow)).any())
 

@@ -59,6 +59,8 @@ class RobotGuard:
         if wanted != self._asked or dt >= PERIOD - 1e-9:
             self._asked, self._stepped_at = wanted, now
             self._catch_up()
+            # The controller's parameters may have changed.
+            self.unit.brake_by(self._robot.braking, self._robot.braking_delay)
             self.unit.step(np.array(wanted), self._senses.odometry)
         return self.unit.last.velocity
 

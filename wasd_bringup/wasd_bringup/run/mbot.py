@@ -25,6 +25,8 @@ from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample
 from wasd_bringup.run.robot import Robot, Velocity
 
+# A navigator's parameters allow no less [m/s^2], [rad/s^2].
+LEAST_ACCELERATION = 0.05
 WASD_ADVICE = 'or start with --preset wasd'
 
 
@@ -115,8 +117,7 @@ class Mbot(Robot):
     @property
     def drive_limits(self) -> dict[str, float]:
         """A navigator's speed limits: at most those of the controller."""
-        linear = self.settings.linear_limits()
-        angular = self.settings.angular_limits(self.geometry.wheel_separation)
+        linear, angular = self.drive_unit.limits
         most = {
             'forward': (0.5, linear.forward),
             'backward': (0.2, linear.backward),
@@ -124,15 +125,22 @@ class Mbot(Robot):
             'forward_acceleration': (0.8, linear.speed_up, linear.slow_down),
             'yaw_acceleration': (3.0, angular.speed_up, angular.slow_down),
         }
-        return {name: min(limits) for name, limits in most.items()}
+        values = {name: min(limits) for name, limits in most.items()}
+        for name in ('forward_acceleration', 'yaw_acceleration'):
+            values[name] = max(values[name], LEAST_ACCELERATION)
+        return values
 
     @property
     def braking(self) -> tuple[float, float, float]:
         """The sure deceleration: its ramps, within the motors' limits."""
-        linear = self.settings.linear_limits()
-        angular = self.settings.angular_limits(self.geometry.wheel_separation)
+        linear, angular = self.drive_unit.limits
         ahead = min(linear.slow_down, linear.slow_down_backward, 1.0)
         return (ahead, 1.0, min(angular.slow_down, angular.slow_down_backward, 5.0))
+
+    @property
+    def braking_delay(self) -> float:
+        """How long its ramps take to brake fully [s]: jerk has a limit."""
+        return max(limits.braking_delay for limits in self.drive_unit.limits)
 
     def hold_back(self, limit: Callable[[Sequence[float]], np.ndarray]) -> None:
         """

@@ -170,6 +170,11 @@ class Robot(ABC):
         """The sure deceleration ahead, sideways [m/s^2] and in a turn [rad/s^2]."""
         return (1.0, 1.0, 3.0)
 
+    @property
+    def braking_delay(self) -> float:
+        """How much later than at once it is sure to brake so [s]."""
+        return 0.0
+
     def hold_back(self, limit: Callable[[Sequence[float]], np.ndarray]) -> None:
         """
         Limit each velocity (vx, vy, wz) of the controller by a guard.
