@@ -33,7 +33,7 @@ SDK = json.loads((GOLDEN / 'ids.json').read_text())
 PARAMETERS = {'x': 0.0, 'y': 0.0, 'z': 0.0, 'yaw': 0.0, 'mode': 0, 'data': 1, 'enable': 1}
 PARAMETERS |= {'name': 'mcf', 'switch': 1, 'silent': 0, 'volume': 3, 'brightness': 4}
 PARAMETERS |= {'is_remote_commands_from_api': True}
-STAND_UP, BALANCE, STAND_DOWN, MOVE, STOP = 1004, 1002, 1005, 1008, 1003
+DAMP, STAND_UP, BALANCE, STAND_DOWN, MOVE, STOP = 1001, 1004, 1002, 1005, 1008, 1003
 
 
 @pytest.fixture
@@ -166,6 +166,25 @@ def test_euler_leans_by_its_angles(standing):
         base = standing.go2.world.base()
         leant = rpy_from_matrix(matrix_from_quaternion(base.orientation)) - start
         assert leant == pytest.approx(np.array((roll, pitch, yaw)), abs=math.radians(2.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('first', 'second', 'state'),
+    [
+        (STAND_UP, DAMP, 'passive'),
+        (DAMP, STAND_UP, 'fixed stand'),
+        (BALANCE, STAND_UP, 'fixed stand'),
+    ],
+)
+def test_of_two_calls_one_after_the_other_the_last_counts(standing, first, second, state):
+    if first == STAND_UP:
+        standing.call('sport', DAMP)
+        standing.run(1.0)
+    for api_id in (first, second):
+        assert standing.call('sport', api_id)[0] == OK
+    standing.run(2.5)
+    assert standing.state == state
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from contacts import touched
 import numpy as np
 import pytest
 from unitree_bridge.cdr import decode
+from unitree_bridge.remote import Remote
 from unitree_bridge.shapes import RESPONSE
 from unitree_bridge.topics import LOW_STATE, REMOTE
 from unitree_rig import low_cmd, positions, request, STANDING, TableWire
@@ -18,7 +19,7 @@ from wasd_bringup.run.unitree import idle_guard, UnitreeDriver
 from wasd_core.errors import UserError
 
 pytestmark = pytest.mark.slow
-STOP_MOVE, STAND_UP, MOVE = 1003, 1004, 1008
+STOP_MOVE, STAND_UP, EULER, MOVE = 1003, 1004, 1007, 1008
 
 
 class Commanded:
@@ -66,6 +67,12 @@ class Commanded:
             self.wire.come['rt/lowcmd'].append(low_cmd(aims, kp=60.0, kd=5.0))
             self.run(0.002)
         return round(500 * seconds) - (low.refused - refused)
+
+    def hold_stick(self, seconds):
+        """Hold a quarter of a stick ahead, as a program does that repeats it."""
+        for _ in range(round(seconds / 0.02)):
+            self.wire.come['rt/wirelesscontroller'].append(Remote(ly=0.25).message())
+            self.run(0.02)
 
     @property
     def height(self):
@@ -139,6 +146,60 @@ def test_a_program_has_the_motors_whatever_keys_say_until_an_e_stop_or_a_reset(r
     run.run(0.1)
     remote = run.wire.last(REMOTE)
     assert (remote['ly'], remote['rx'], remote['lx']) == pytest.approx((0.1, 0.05, 0.0))
+
+
+def test_a_program_that_an_e_stop_refuses_stays_so_when_another_ends_its_move(run, monkeypatch):
+    assert run.hold_by_motors(1.2) == 600
+    run.session.e_stop('page')
+    simulate = run.run
+
+    def repeat(seconds):
+        for _ in range(round(seconds / 0.002)):
+            run.wire.come['rt/lowcmd'].append(low_cmd(STANDING, kp=60.0, kd=5.0))
+            simulate(0.002)
+
+    monkeypatch.setattr(run, 'run', repeat)
+    run.run(0.5)
+    run.call(STAND_UP)
+    run.run(2.5)
+    run.move(0.5)
+    assert run.speed > 0.1
+    run.call(STOP_MOVE)
+    run.run(1.0)
+    assert not run.driver.bridge.low.is_live
+    assert (run.robot.state, run.speed < 0.05) == ('move base', True)
+
+
+def test_a_lean_ends_as_a_program_asks_also_after_a_key(run):
+    run.call(STAND_UP)
+    run.run(2.0)
+    run.call(EULER, x=0.3, y=0.0, z=0.0)
+    run.run(1.0)
+    assert run.robot.world.base().rpy[0] > 0.25
+    run.session.press('n')
+    run.run(0.1)
+    run.call(EULER, x=0.0, y=0.0, z=0.0)
+    run.run(1.0)
+    assert abs(run.robot.world.base().rpy[0]) < 0.03
+
+
+def test_a_stick_held_over_an_e_stop_counts_after_a_silence(run):
+    run.call(STAND_UP)
+    run.run(2.0)
+    run.hold_stick(0.5)
+    run.session.e_stop('page')
+    run.hold_stick(SILENCE + 0.3)
+    run.session.press('2')
+    run.run(1.0)
+    run.hold_stick(1.0)  # after a silence that is not long enough
+    assert run.robot.state == 'fixed stand'
+    run.session.simulation.reset()
+    run.run(SILENCE + 0.1)
+    run.call(STAND_UP)
+    run.run(2.0)
+    start = run.ahead
+    run.hold_stick(2.0)
+    assert run.ahead - start > 0.3
 
 
 def test_a_latched_e_stop_holds_until_it_is_released():

@@ -11,7 +11,7 @@ from wasd_core.timing import Beat, Watchdog
 from unitree_bridge import topics
 from unitree_bridge.legs_robot import LegsRobot
 from unitree_bridge.low_level import LowLevel, LowStates, tick_of
-from unitree_bridge.motion import Motion
+from unitree_bridge.motion import Motion, SILENCE
 from unitree_bridge.remote import read_remote, Remote
 from unitree_bridge.robot import Senses, to_motors
 from unitree_bridge.rpc import Leases, serve, Service
@@ -79,7 +79,8 @@ class Bridge:
         self.services = self._make_services()
         self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
         self._sticks, self._buttons = Watchdog(_REMOTE_SILENCE), Watchdog(_REMOTE_SILENCE)
-        self._ignores_sticks = False  # of the remote, until they are centred
+        # Sticks that are ignored until they are centred, or silent for so long.
+        self._ignored_sticks = Watchdog(SILENCE)
         self._down: frozenset[str] = frozenset()
         self._answers = False  # the program that commands the motors
         self._has_begun = not is_synced
@@ -162,7 +163,8 @@ class Bridge:
     def disarm(self) -> None:
         """Ignore what programs command now: the motors damp."""
         self.motion.disarm()
-        self._ignores_sticks |= self._sticks.is_alive
+        if self._sticks.is_alive:
+            self._ignored_sticks.hear()
         self._forget_commands()
 
     def _forget_commands(self) -> None:
@@ -254,6 +256,7 @@ class Bridge:
         was_held = self._sticks.is_alive
         self._sticks.step(dt)
         self._buttons.step(dt)
+        self._ignored_sticks.step(dt)
         for raw in self._wire.take(topics.REMOTE) if has_come else ():
             try:
                 self._take_remote(read_remote(raw))
@@ -265,14 +268,18 @@ class Bridge:
             self.motion.stop()
 
     def _take_remote(self, remote: Remote) -> None:
+        is_ignored = self._ignored_sticks.is_alive and not remote.is_centred
+        if is_ignored:
+            self._ignored_sticks.hear()
+        else:
+            self._ignored_sticks.reset()
         if not self._sport.follows_remote or self.low.is_released:
             return
         self._buttons.hear()
         pressed, self._down = remote.down - self._down, remote.down
         self._obey(remote.down, pressed)
         is_held = self._sticks.is_alive
-        self._ignores_sticks &= not remote.is_centred
-        if self._ignores_sticks:
+        if is_ignored:
             return
         if remote.is_centred:
             if is_held:

@@ -39,7 +39,6 @@ class Commands:
 
     press: Callable[[str], bool]
     drive: Callable[[Velocity], bool]
-    release: Callable[[], object] = lambda: None
     take_motors: Callable[[], bool] = lambda: True
     guard: Callable[[bool], bool] = lambda is_on: False
 
@@ -49,7 +48,7 @@ class LegsRobot:
 
     def __init__(self, legs: Legs, world: World, commands: Commands) -> None:
         self._legs, self._world = legs, world
-        self.press, self.drive, self.release = commands.press, commands.drive, commands.release
+        self.press, self.drive = commands.press, commands.drive
         self.take_motors, self.guard = commands.take_motors, commands.guard
         quadruped = legs.model.quadruped
         self._joints = JointMap(quadruped, world.joint_names, world.motor_names)
@@ -65,6 +64,11 @@ class LegsRobot:
     def state(self) -> StateName:
         """The state of our controller."""
         return StateName(self._legs.state)
+
+    @property
+    def coming_state(self) -> StateName:
+        """The state that a pressed key leads to, or the present one."""
+        return StateName(self._legs.controller.coming_state)
 
     @property
     def is_up(self) -> bool:

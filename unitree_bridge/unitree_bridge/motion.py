@@ -4,6 +4,7 @@
 from collections.abc import Callable
 import math
 
+import numpy as np
 from quadruped_sim.keys import keys_between, StateName, SUCCESSORS
 from quadruped_sim.presets import GAITS, LIMITS
 from quadruped_sim.states.driving import FULL_LEAN
@@ -15,14 +16,15 @@ from unitree_bridge.robot import Velocity
 # A Move holds for so long [s], and is told to the controller so often [Hz].
 MOVE_TIMEOUT = 1.0
 # A program that goes on asking for a Move over a stop is ignored until it is silent for this [s].
-_SILENCE = 1.2
+SILENCE = 1.2
 MOVE_RATE = 20.0
 # A key that has changed nothing is pressed again after so long [s].
 _PATIENCE = 0.5
-# Steps of a stick from its centre to its end, and the keys that move each, up and down.
+# Steps of a stick from its centre to its end, and the keys that roll, pitch and yaw, up and down.
 _FULL_STICK = 20
-_LEAN_KEYS = {'roll': ('d', 'a'), 'pitch': ('w', 's'), 'yaw': ('j', 'l')}
+_LEAN_KEYS = (('d', 'a'), ('w', 's'), ('j', 'l'))
 _SLOW, _NORMAL = -1, 0
+_UPRIGHT = (0, 0, 0)
 STANDSTILL = (0.0, 0.0, 0.0)
 # Where Move is heard: the robot stands, or is about to.
 _LYING = (StateName.PASSIVE, StateName.LIE_DOWN)
@@ -40,7 +42,7 @@ class Motion:
         self._robot, self._say = robot, say
         self._beat = Beat()
         self._alive = Watchdog(MOVE_TIMEOUT)
-        self._asks = Watchdog(_SILENCE)  # for a velocity, whether that counts or not
+        self._asks = Watchdog(SILENCE)  # for a velocity, whether that counts or not
         self._is_ignored = False
         self.reset()
 
@@ -56,8 +58,7 @@ class Motion:
         self._waited = 0.0
         self._velocity: Velocity = STANDSTILL
         self._alive.reset()
-        self._lean = dict.fromkeys(_LEAN_KEYS, 0)
-        self._leant = dict.fromkeys(_LEAN_KEYS, 0)
+        self._lean: tuple[int, ...] | None = None  # in steps of the sticks
 
     def disarm(self) -> None:
         """Ask for nothing, and ignore a Move that is asked for now until it has ended."""
@@ -72,14 +73,17 @@ class Motion:
     @property
     def lies(self) -> bool:
         """Whether the robot lies, and is not about to stand."""
-        return self._robot.state in _LYING and self._goal in (None, *_LYING)
+        return self._robot.coming_state in _LYING and self._goal in (None, *_LYING)
 
     def go(self, goal: StateName) -> None:
         """Lead the robot to a state; it stops moving."""
         self._halt()
         self._pressed = None
-        self._goal = goal if self._robot.state != goal else None
-        self._lean = dict.fromkeys(_LEAN_KEYS, 0)
+        self._aim_for(goal)
+        self._lean = _UPRIGHT
+
+    def _aim_for(self, goal: StateName) -> None:
+        self._goal = goal if self._robot.coming_state != goal else None
 
     def move(self, velocity: Velocity) -> bool:
         """Move so [m/s], [m/s], [rad/s] for a while; return False where it lies or was stopped."""
@@ -89,8 +93,7 @@ class Motion:
             self._end_asking()
         if self.lies or self._is_ignored:
             return False
-        if self._robot.state != StateName.MOVE_BASE:
-            self._goal = StateName.MOVE_BASE
+        self._aim_for(StateName.MOVE_BASE)
         if self.speed_level == _SLOW:
             velocity = _slowed(velocity)
         self._velocity = velocity
@@ -109,18 +112,14 @@ class Motion:
     def _halt(self) -> None:
         if self.is_moving:
             self._robot.drive(STANDSTILL)
-            self._robot.release()
         self._velocity = STANDSTILL
         self._alive.reset()
 
     def lean(self, roll: float, pitch: float, yaw: float) -> None:
         """Lean as a robot does that stands and balances [rad], as far as it can."""
-        if self._robot.state != StateName.FREE_STAND:
-            self.go(StateName.FREE_STAND)
-        full = FULL_LEAN.tolist()
-        for name, angle, most in zip(_LEAN_KEYS, (roll, pitch, yaw), full, strict=False):
-            share = min(max(angle / most, -1.0), 1.0)
-            self._lean[name] = round(_FULL_STICK * share)
+        self.go(StateName.FREE_STAND)
+        shares = np.clip((roll, pitch, yaw) / FULL_LEAN[:3], -1.0, 1.0)
+        self._lean = tuple(round(_FULL_STICK * share) for share in shares.tolist())
 
     def choose_gait(self, name: str) -> None:
         """Step so, from the next steps on, by the key with the shorter way: each takes 1.5 ms."""
@@ -152,6 +151,8 @@ class Motion:
         state, goal = self._robot.state, self._goal
         if goal is None or (state in SUCCESSORS and goal != StateName.PASSIVE):
             return
+        if state != self._robot.coming_state:  # a key is about to act
+            return
         if state == goal:
             self._goal = None
             return
@@ -168,15 +169,15 @@ class Motion:
                 self._goal = None
 
     def _follow_lean(self) -> None:
-        if self._robot.state != StateName.FREE_STAND:
-            self._leant = dict.fromkeys(_LEAN_KEYS, 0)
+        if self._lean is None or self._robot.state != StateName.FREE_STAND:
             return
-        for name, (more, less) in _LEAN_KEYS.items():
-            missing = self._lean[name] - self._leant[name]
+        sticks = self._robot.remote
+        leant = sticks.lx, sticks.ly, -sticks.rx
+        for (more, less), wanted, share in zip(_LEAN_KEYS, self._lean, leant, strict=True):
+            missing = wanted - round(_FULL_STICK * share)
             for _ in range(abs(missing)):
                 if not self._press(more if missing > 0 else less):
                     return
-            self._leant[name] = self._lean[name]
 
     def _press(self, key: str) -> bool:
         if self._robot.press(key):

@@ -61,7 +61,6 @@ class UnitreeDriver:
         commands = Commands(
             press=lambda key: robot.press(robot.named(key), SOURCE),
             drive=partial(robot.drive, by=SOURCE),
-            release=lambda: robot.release(SOURCE),
             take_motors=self._take_motors,
             guard=self._switch_guard,
         )
