@@ -341,3 +341,12 @@ def test_in_sync_time_begins_with_a_command_or_a_call():
     rig.wire.come['rt/api/sport/request'].append(request(1, 1004))
     rig.run(0.1)
     assert rig.go2.world.time == pytest.approx(0.1)
+
+
+def test_in_sync_time_begins_with_a_key_that_makes_it_stand():
+    rig = Rig(is_synced=True)
+    for key, begins in (('1', False), ('2', True)):
+        rig.go2.legs.press(key)
+        looks = iter(range(50))
+        rig.go2.run(lambda looks=looks: next(looks, None) is None, 0.1)
+        assert (rig.go2.world.time > 0.0) == begins

@@ -110,7 +110,7 @@ class Bridge:
             self._held_at, self._held, self._is_answered = now, 0.0, False
             self._tell(now)
         self.serve()
-        self._has_begun |= self._robot.state != StateName.PASSIVE
+        self._has_begun |= self._robot.coming_state != StateName.PASSIVE
         if self._is_answered or (self._has_begun and not self._answers):
             return True
         return self._await_command(now)
