@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Optional parts of an installation, by the name of their extra."""
 
-from importlib import import_module
+from importlib import import_module, metadata
+import re
+import shlex
 import sys
 from typing import Any
 
@@ -11,8 +13,14 @@ DISTRIBUTION = 'wasd-robots'
 
 
 def install_line(extra: str) -> str:
-    """Return what to type to get an extra."""
-    return f"{sys.executable} -m pip install '{DISTRIBUTION}[{extra}]'"
+    """Return what to type to get an extra: what it adds, as pip may not find all the rest."""
+    try:
+        lines = metadata.requires(DISTRIBUTION) or ()
+    except metadata.PackageNotFoundError:
+        lines = ()
+    found = [re.fullmatch(f'(.+?) *; *extra == [\'"]{extra}[\'"]', line) for line in lines]
+    adds = [match[1] for match in found if match] or [f'{DISTRIBUTION}[{extra}]']
+    return shlex.join((sys.executable, '-m', 'pip', 'install', *adds))
 
 
 def import_extra(module: str, extra: str, what: str) -> Any:
