@@ -100,7 +100,8 @@ class LegControllerNode(Node):
         self._tf = TfBroadcaster(self)
         self.heights = ElevationPublisher(self)
         self._seen: Elevation | None = None
-        self.on_e_stop: Callable[[], object] = self.legs.e_stop
+        # It returns what its caller is told, where that is something else than usual.
+        self.on_e_stop: Callable[[], str | None] = self.legs.e_stop
         self.create_service(Trigger, '~/e_stop', self._on_e_stop)
         self.readings: Readings | None = None
         if description is not None:
@@ -176,9 +177,8 @@ class LegControllerNode(Node):
             self.get_logger().warning(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')
 
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.on_e_stop()
+        response.message = self.on_e_stop() or 'passive; press 2 to stand again'
         response.success = True
-        response.message = 'passive; press 2 to stand again'
         return response
 
     def _listen(self) -> Readings:

@@ -14,7 +14,9 @@ FAST, SLOW, STOP = (0.5, 0.0, 0.1), (0.1, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 
 class Robot:
-    """A robot whose letters latch; STOP stops it."""
+    """A robot whose letters latch; STOP stops it, and it moves again without a release."""
+
+    stop_words = ''
 
     def __init__(self, name):
         self.target = Target(self, f'/{name}/cmd_vel', f'/{name}/keys')

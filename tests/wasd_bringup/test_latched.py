@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 import re
 import time
+from types import SimpleNamespace
 
 from geometry_msgs.msg import Twist
 import numpy as np
@@ -19,6 +20,7 @@ from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.terminal import Source
 from terminals import PATIENCE
 from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.ros.foxglove_inbox import Inbox, Target
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
@@ -99,11 +101,10 @@ class Held:
             self.session.simulation.advance(50)
 
     def stop(self, origin):
-        """Stop it from somewhere."""
+        """Stop it from somewhere; return what a service answers."""
         if origin == LEGS_SERVICE:
-            self.face.controller.node._on_e_stop(Trigger.Request(), Trigger.Response())
-        else:
-            ORIGINS[origin](self.session, self.face)
+            return self.face.controller.node._on_e_stop(Trigger.Request(), Trigger.Response())
+        return ORIGINS[origin](self.session, self.face)
 
     @property
     def place(self):
@@ -195,6 +196,35 @@ def test_while_a_stop_holds_the_driver_reads_how_it_is_released_and_no_key_to_st
         assert status.state == 'E-STOP'
         assert status.message == 'ENTER releases E-STOP (by the page)'
         held.run(0.1)
+
+
+def test_a_client_of_foxglove_that_goes_on_is_told_how_it_is_released(held_of):
+    held = held_of('mbot')
+    inbox = Inbox(lambda sender, data: VELOCITY, lambda sender, data: '')
+    inbox.receive_for([Target(held.robot, '/cmd_vel', '/keys')])
+    client = SimpleNamespace(id=1)
+    channel = SimpleNamespace(id=1, topic='/cmd_vel', encoding='cdr', schema_name='')
+    inbox.on_client_advertise(client, channel)
+    told = []
+    for stop in (False, True):
+        if stop:
+            held.stop('page')
+        inbox.on_message_data(client, 1, b'')
+        told.append(inbox.step(0.02))
+    assert told == [[], ['/cmd_vel: stopped; ENTER releases E-STOP (by the page)']]
+
+
+@pytest.mark.parametrize(
+    ('latched', 'words'),
+    [
+        (True, 'ENTER releases E-STOP (by the service e_stop)'),
+        (False, 'passive; press 2 to stand again'),
+    ],
+)
+def test_who_stops_the_legs_by_their_service_is_told_how_they_move_again(held_of, latched, words):
+    held = held_of('go2 trots', latched=latched)
+    answer = held.stop(LEGS_SERVICE)
+    assert (answer.success, answer.message) == (True, words)
 
 
 def test_the_service_releases_it(held_of):

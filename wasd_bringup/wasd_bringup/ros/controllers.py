@@ -132,8 +132,13 @@ class LegsFace(ControllerFace):
             node.get_logger().set_level(LoggingSeverity.ERROR)
 
     def on_e_stop(self, stop: Callable[[], None]) -> None:
-        """Let the controller's own e-stop service stop the run."""
-        self.node.on_e_stop = stop
+        """Let the controller's own e-stop service stop the run, and tell how a stop ends."""
+
+        def stop_and_tell() -> str:
+            stop()
+            return self.robot.stop_words
+
+        self.node.on_e_stop = stop_and_tell
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant; None before there is any."""

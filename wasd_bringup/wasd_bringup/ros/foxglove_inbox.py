@@ -57,10 +57,8 @@ class _Client:
             robot.drivers.take(self._name, velocity=velocity)
             robot.drivers.disarm(self._name)
         elif not robot.drive(velocity, self._name):
-            raise UserError(
-                f'{target.command_topic}: stopped; '
-                f'to drive again send a zero, or nothing for {SILENCE} s'
-            )
+            cure = f'to drive again send a zero, or nothing for {SILENCE} s'
+            raise UserError(f'{target.command_topic}: stopped; {robot.stop_words or cure}')
 
     def press(self, robot: Robot, key: str, counts: bool) -> None:
         self.hear()

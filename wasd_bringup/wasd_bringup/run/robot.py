@@ -153,8 +153,13 @@ class Robot(ABC):
     @property
     def refusal(self) -> str:
         """Why it follows no velocity now, with the cure; '' if it does."""
+        return self.stop_words or self._refusal
+
+    @property
+    def stop_words(self) -> str:
+        """How a stop that holds ends; '' while none holds."""
         stopped_by = self.drivers.stopped_by
-        return HOLDS.format(stopped_by) if stopped_by else self._refusal
+        return HOLDS.format(stopped_by) if stopped_by else ''
 
     @property
     def _refusal(self) -> str:
@@ -223,11 +228,11 @@ class Robot(ABC):
 
     def status(self) -> Status:
         """Return the status for the user."""
-        status = self._status()
-        if not self.drivers.stopped_by:
+        status, stop_words = self._status(), self.stop_words
+        if not stop_words:
             return status._replace(message=status.message or self.guard_words())
         # Whatever else is said, such as a key to stand, comes after that.
-        return status._replace(state='E-STOP', message=HOLDS.format(self.drivers.stopped_by))
+        return status._replace(state='E-STOP', message=stop_words)
 
     def press(self, key: str, by: str) -> bool:
         """Press a key for a source, in this instant, and tell listeners; False: it is refused."""
@@ -315,10 +320,9 @@ class Robot(ABC):
 
     def say_if_stopped(self) -> bool:
         """Return whether a stop holds; if so, tell the driver how it ends."""
-        stopped_by = self.drivers.stopped_by
-        if stopped_by:
-            self.say(HOLDS.format(stopped_by))
-        return bool(stopped_by)
+        if self.stop_words:
+            self.say(self.stop_words)
+        return bool(self.stop_words)
 
     def reset(self) -> None:
         """Forget the past: commands, ramps, estimates."""
