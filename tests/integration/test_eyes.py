@@ -133,14 +133,31 @@ def test_after_a_reset_it_sees_where_it_is_and_not_where_it_was():
     assert dog._robot.legs.controller.locomotion.sight._state.share[0] == 0.0
 
 
-@pytest.mark.slow
-def test_a_robot_without_a_lidar_of_points_says_so(tmp_path):
+@pytest.fixture
+def blind(tmp_path):
+    """The file of a Go2 without a lidar of points."""
     whole = robot_named('go2').urdf
     tags = re.findall(r'<gazebo reference="[^"]*">.*?</gazebo>', whole, flags=re.DOTALL)
     (lidar,) = [tag for tag in tags if '<topicName>points<' in tag]
     blind = tmp_path / 'blind.urdf'
     blind.write_text(whole.replace(lidar, ''))
+    return blind
+
+
+@pytest.mark.slow
+def test_a_robot_without_a_lidar_of_points_says_so(blind):
     with pytest.raises(UserError, match='--eyes: go2.* has no lidar of points: give its desc'):
         wasd.Go2(description=str(blind), eyes=True)
     dog = wasd.Go2(description=str(blind))
     assert dog.press('e') == 'by sight, once there is a lidar of points: blind until then'
+
+
+@pytest.mark.slow
+def test_a_robot_that_is_given_the_lidar_of_points_that_it_lacks_walks_by_sight(blind):
+    with pytest.raises(UserError) as error:
+        wasd.Go2(description=str(blind), eyes=True)
+    named = ''.join(re.findall('<.*>', str(error.value))).replace('LINK', 'base')
+    names = re.findall('<([a-z]+)', named)
+    closed = named + ''.join(f'</{name}>' for name in reversed(names) if f'</{name}>' not in named)
+    blind.write_text(blind.read_text().replace('</robot>', f'{closed}</robot>'))
+    wasd.Go2(description=str(blind), eyes=True)

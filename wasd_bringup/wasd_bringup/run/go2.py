@@ -42,7 +42,7 @@ from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
 
 LIDAR_NEEDED = (
     '{option}: {robot} has no lidar of points: give its description a '
-    '<gazebo reference="LINK"><sensor type="ray"> with vertical samples'
+    '<gazebo reference="LINK"><sensor type="ray"><model>l1</model> (docs/sensors.md)'
 )
 # A pit has no ground: its height is told as this far below the base [m].
 PIT = 2.0
