@@ -307,7 +307,8 @@ OPTIONS = (
     ),
     Option(
         word='--viewer',
-        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal, else none)',
+        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal without a '
+        'script, else none)',
         how={'choices': VIEWERS},
     ),
     Option(
