@@ -192,7 +192,8 @@ class SimulatorNode(Node):
             joints = [joint for joint in robot.robot.movable_joints if not joint.mimics]
             setup = upright_setup(robot, {j.name: j.rest for j in joints}, untold, noise)
         else:
-            setup = randomise(usual_setup(robot, noise, untold), self.settings.seed, robot)
+            setup = usual_setup(robot, noise, untold)
+        setup = randomise(setup, self.settings.seed, robot)
         try:
             visuals = has_camera(robot.robot)
             return build_world(robot, self.settings.world, self.settings.seed, setup, visuals)

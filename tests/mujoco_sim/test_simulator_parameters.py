@@ -50,6 +50,7 @@ def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
         ({'friction': 0.0}, 'friction must be >= 0.01 and <= 2, or NaN: what the description'),
         ({'payload': 'heavy'}, "payload: got 'heavy', wanted KG or KG@X,Y,Z with KG > 0"),
         ({'randomise': 1.0}, '^randomise: a quadruped is wanted'),
+        ({'randomise': 1.0, 'hoist': True}, '^randomise: a quadruped is wanted'),
         ({'clock_rate': 5000.0}, 'clock_rate must be >= 1 and <= 1000 Hz, got 5000.0'),
     ],
 )

@@ -231,6 +231,11 @@ def test_another_biped_is_held_and_moved_by_a_network_of_its_joints(run_of, tmp_
         run_of(policy=network(tmp_path, joints))
 
 
+def test_what_is_drawn_for_four_legs_is_refused():
+    with pytest.raises(UserError, match='^randomise: a quadruped is wanted'):
+        wasd.G1(untold=wasd.Untold(randomise=1.0))
+
+
 def test_a_script_has_it_stand_and_driven(tmp_path):
     robot = wasd.G1(seed=2, policy=network(tmp_path))
     assert (robot.state, robot.is_held) == ('passive', True)

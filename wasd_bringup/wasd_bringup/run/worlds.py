@@ -86,7 +86,8 @@ def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
         # Here, because few runs have a robot that stands by joints alone.
         from wasd_bringup.run.legged import standing_pose
 
-        return upright_setup(loaded, standing_pose(loaded.robot), options.untold)
+        setup = upright_setup(loaded, standing_pose(loaded.robot), options.untold)
+        return randomise(setup, options.seed, loaded)
     setup = usual_setup(loaded, options.estimator == 'kalman', options.untold)
     if ROBOTS[options.robot].kind is LEGGED:
         setup = randomise(setup, options.seed, loaded)
