@@ -73,11 +73,12 @@ class JointController:
                 raise PolicyError(
                     f'policy: joint {name} is not in this robot{suggest(name, self.joints)}'
                 )
-        if any(term.name == 'linear_velocity' for term in player.spec.terms):
-            raise PolicyError(
-                'policy: observation linear_velocity: nothing here estimates it, take a network '
-                'without (on four legs the leg controller does, by its parameter policy)'
-            )
+        for term in player.spec.terms:
+            if term.name == 'linear_velocity' or term.name.startswith('height_scan'):
+                raise PolicyError(
+                    f'policy: observation {term.name}: nothing here estimates it, take a network '
+                    'without (on four legs the leg controller does, by its parameter policy)'
+                )
         return np.array([self.joints.index(name) for name in player.joints])
 
     def _with(self, targets: JointTargets, theirs: JointTargets) -> JointTargets:

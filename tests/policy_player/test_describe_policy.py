@@ -3,6 +3,7 @@
 
 import numpy as np
 from policy_files import constant, exporter, MOTORS, ORDERS, rl_sar, torchscript, write
+from policy_player.onnx_writer import write_layers
 from policy_player.policy_file import read_policy
 from policy_player.usual import orders
 import pytest
@@ -71,6 +72,18 @@ def test_a_network_whose_output_is_no_number_is_told_and_nothing_else_is_tried(t
     told = capsys.readouterr().out
     assert 'trial        the output of the network is not a number\n' in told
     assert 'suspect' not in told
+
+
+@pytest.mark.slow
+def test_a_network_that_sees_heights_is_tried_with_them(tmp_path, capsys):
+    pytest.importorskip('onnxruntime')
+    spec = pytest.importorskip('wasd.environment', exc_type=ImportError).WITH_HEIGHTS
+    path = tmp_path / 'walk.onnx'
+    write_layers(path, spec, [(np.zeros((12, spec.width)), np.zeros(12))])
+    main(['describe', 'policy', str(path)])
+    told = capsys.readouterr().out
+    assert 'trial        at zero command it drifts at' in told
+    assert 'no heights' not in told
 
 
 @pytest.mark.slow

@@ -226,6 +226,7 @@ def test_keys_say_what_to_press():
     [
         (('FL_hip_joint', 'FL_thigh_joint'), {}, 'FL_hip_joint is not in this robot'),
         (G1_JOINTS, {'terms': (Term(name='linear_velocity'),)}, 'linear_velocity'),
+        (G1_JOINTS, {'terms': (Term(name='height_scan_by_row'),)}, 'height_scan_by_row'),
     ],
 )
 def test_a_policy_of_another_robot_is_refused_by_a_name(joints, changes, words):

@@ -2,7 +2,8 @@
 """`wasd describe policy FILE`: settings of a policy, its oddities, and a trial walk."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 import math
 from typing import Any, NamedTuple
 
@@ -16,6 +17,8 @@ from policy_player.usual import oddities, order_of, variants
 from quadruped_sim.states.policy import SETTLE_TIME
 from wasd.robots import Go2
 from wasd_core.robot_io import JointTargets, Senses
+
+from wasd_bringup.run.go2 import true_scan
 
 # A trial: up, still for so long, then ahead, then turning [s], [m/s], [rad/s].
 RISE, STILL, AHEAD, TURN = 2.2, 1.0, 2.5, 2.0
@@ -63,6 +66,7 @@ class Stand:
         """Take the joints that all of them have, in any order."""
         self._walker = _Exchangeable(joints)
         self.dog = Go2(policy=self._walker)
+        self._walker.heights = partial(true_scan, self.dog._robot.world)
 
     def try_policy(self, policy: Policy) -> Trial:
         """Stand, then play a policy: still, ahead, turning."""
@@ -110,10 +114,12 @@ class _Exchangeable:
         self.shown: list[np.ndarray] = []
         self.targets: list[np.ndarray] = []
         self._player: Player | None = None
+        self.heights: Callable[[], np.ndarray | None] = lambda: None
 
     def play(self, policy: Policy) -> None:
         """Play another policy from now on."""
         self._player = player = Player(policy)
+        player.heights = self.heights
         self._theirs = np.array([self.joints.index(name) for name in player.joints])
         self._ours = np.argsort(self._theirs)
         self.shown, self.targets = [], []
