@@ -95,10 +95,7 @@ def translate(key: str, value: Any) -> tuple[str, Any]:
     """Return a parameter by its name here: `base_width` is `wheel_separation`, `sim` a mode."""
     if key == 'sim' and isinstance(value, bool):
         return 'mode', 'fake' if value else 'float'
-    key = ALIASES.get(key, key)
-    if key == 'stamped' and isinstance(value, bool):
-        value = str(value).lower()
-    return key, value
+    return ALIASES.get(key, key), value
 
 
 def _arbotix(root: yaml.MappingNode, top: dict[str, yaml.Node]) -> tuple[str, dict[str, Entry]]:

@@ -207,11 +207,6 @@ class DiffDriveControllerNode(Node):
         """Leave the wheels stopped (the simulator's own watchdog brakes them, too)."""
         self.unit.reset()
 
-    def destroy_node(self) -> None:
-        """Release the node, and the second participant of cmd_vel."""
-        self.cmd_vel.close()
-        Node.destroy_node(self)
-
     def _make_publishers(self) -> None:
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
         self._tf = TfBroadcaster(self)

@@ -363,12 +363,7 @@ class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
         doc='Silence on cmd_vel after which the robot stops; 0: never',
         unit='s',
     )
-    stamped: str = parameter(
-        'auto',
-        doc='Type of cmd_vel: Twist (false), TwistStamped (true), or whatever comes, both at once',
-        choices=('auto', 'true', 'false'),
-        read_only=True,
-    )
+    stamped: bool = parameter(False, doc='Take cmd_vel as TwistStamped, not Twist', read_only=True)
     publish_limited_velocity: bool = parameter(
         False, doc='Publish the velocity within the limits on ~/cmd_vel_out', read_only=True
     )

@@ -18,12 +18,12 @@ from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import STOP_KEY
-from wasd_core.topics import AbsenceWatch, EVENTS, LoopbackSubscription, RELIABLE
+from wasd_core.topics import AbsenceWatch, EVENTS, LoopbackSubscription, RELIABLE, watch_types
 
 from teleop_keyboard.gamepad import JoyState, JoyToTwist, JoyTwist, PadKeys, USUAL_CONTROLS
 from teleop_keyboard.gamepad_device import Gamepad
 from teleop_keyboard.parameters import gamepad, JoyParameters, PAD_PRESETS, PadParameters
-from teleop_keyboard.twist_messages import declare_stamped, TwistOutput
+from teleop_keyboard.twist_messages import TwistOutput
 
 # The thread that waits for the pad goes on when nobody has looked for so long [s].
 PATIENCE = 0.5
@@ -88,7 +88,7 @@ class GamepadNode(Node):
         self._has_looked, self._is_closed = threading.Event(), False
         self._watcher: threading.Thread | None = None
         self._twists: TwistOutput | None = None
-        self._output = self._publish_all() if output is None else output
+        self._output = self._publish_all(pad.stamped) if output is None else output
 
     @property
     def is_enabled(self) -> bool:
@@ -147,9 +147,10 @@ class GamepadNode(Node):
             self._twists.wait_for_all_acked(LAST_WORDS_TIMEOUT)
         self.gamepad.close()
 
-    def _publish_all(self) -> PadOutput:
+    def _publish_all(self, is_stamped: bool) -> PadOutput:
         """Make our own publishers, and the thread that calls us."""
-        twists = TwistOutput(self, 'cmd_vel', declare_stamped(self), lambda: FRAME_ID)
+        twists = TwistOutput(self, 'cmd_vel', is_stamped, lambda: FRAME_ID)
+        watch_types(self, twists.type, 'cmd_vel')
         keys = self.create_publisher(String, 'keys', EVENTS)
         self._twists = twists
         self._call = self.create_guard_condition(self._look_when_called)

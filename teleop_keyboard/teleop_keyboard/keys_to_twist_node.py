@@ -10,12 +10,12 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
-from wasd_core.topics import EVENTS, LoopbackSubscription, PublisherWatch
+from wasd_core.topics import EVENTS, LoopbackSubscription, PublisherWatch, watch_types
 
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL, Velocity
 from teleop_keyboard.parameters import keys_to_twist, TeleopParameters
-from teleop_keyboard.twist_messages import declare_stamped, to_twist, TwistOutput
+from teleop_keyboard.twist_messages import to_twist, TwistOutput
 
 # The zero that ends it all is sent this often, and may take this long to leave [s].
 LAST_ZEROS = 3
@@ -49,15 +49,15 @@ class KeysToTwistNode(Node):
             load_preset(self._settings.preset, self._settings.layout)
         )
         self.logic.set_parameters(self._settings)
-        stamped = declare_stamped(self)
         self.output = TwistOutput(
-            self, 'cmd_vel', stamped, lambda: self._settings.frame_id, follow=logic is None
+            self, 'cmd_vel', self._settings.stamped, lambda: self._settings.frame_id
         )
         self._last_time = self.get_clock().now()
         self._timer = self._make_timer() if logic is None else None
         self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         if logic is None:
             self._keyboard = PublisherWatch(self, 'keys', self._on_lost_keyboard)
+            watch_types(self, self.output.type, 'cmd_vel')
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass and publish what is due."""

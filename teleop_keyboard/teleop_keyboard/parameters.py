@@ -24,10 +24,6 @@ AS_PRESET = 'preset'
 # Names for one quantity: what is set last counts.
 SPEED_NAMES = ('speed', 'scale_linear', 'linear_scale')
 TURN_NAMES = ('turn', 'scale_angular', 'angular_scale')
-TWIST_NOTES = (
-    '  stamped  (auto)',
-    '    Publish TwistStamped: auto (what the subscriber takes), true or false',
-)
 key_publisher = Executable(
     name='key_publisher',
     module='teleop_keyboard.key_publisher_node',
@@ -41,7 +37,6 @@ keys_to_twist = Executable(
     module='teleop_keyboard.keys_to_twist_node',
     about='Turns keys into velocities on cmd_vel, with a preset and its ramps.',
     parameters=('teleop_keyboard.parameters:TeleopParameters',),
-    notes=TWIST_NOTES,
     example='keys_to_twist --ros-args -p preset:=wasd -p speed:=0.3',
 )
 teleop = Executable(
@@ -49,7 +44,7 @@ teleop = Executable(
     module='teleop_keyboard.teleop_node',
     about='Drives with the keyboard of one terminal: keys, cmd_vel and a dashboard.',
     parameters=('teleop_keyboard.parameters:TeleopParameters',),
-    notes=(*TWIST_NOTES, '', 'keys: wasd keys, wasd keys NAME; `?` shows them while it runs'),
+    notes=('', 'keys: wasd keys, wasd keys NAME; `?` shows them while it runs'),
     example='teleop --ros-args -p preset:=wasd -r cmd_vel:=key_vel',
     takes_keys=True,
 )
@@ -72,7 +67,6 @@ gamepad = Executable(
         'teleop_keyboard.parameters:PadParameters',
         'teleop_keyboard.parameters:JoyParameters',
     ),
-    notes=TWIST_NOTES,
     example='gamepad --ros-args -p preset:=go2 -r cmd_vel:=joy_vel',
 )
 
@@ -87,6 +81,10 @@ def _ramp(doc: str, unit: str) -> Any:
     return parameter(
         0.0, doc=doc, unit=unit, minimum=LOWEST_ACCEL, maximum=HIGHEST_ACCEL, or_zero=True
     )
+
+
+def _stamped(doc: str = 'Publish TwistStamped, not Twist.') -> Any:
+    return parameter(False, doc=doc, read_only=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +106,7 @@ class MuxParameters(Parameters):
     """What the mux needs to know besides its tables."""
 
     frame_id: str = parameter('base_footprint', doc='Frame of stamped messages and markers.')
+    stamped: bool = _stamped('Take and publish TwistStamped, not Twist.')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,6 +169,7 @@ class TeleopParameters(Parameters):
         choices=(AS_PRESET, *IDLE_POLICIES),
     )
     frame_id: str = parameter('base_footprint', doc='Frame of stamped messages.')
+    stamped: bool = _stamped()
 
 
 # An event's number has eight bits.
@@ -325,3 +325,4 @@ class PadParameters(Parameters):
         or_zero=True,
         maximum=1000.0,
     )
+    stamped: bool = _stamped()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Velocities as messages: Twist or TwistStamped, whichever the subscriber of a topic takes."""
+"""Velocities as messages, Twist or TwistStamped, and their publisher."""
 
 from collections.abc import Callable
 import math
@@ -7,13 +7,9 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Twist, TwistStamped
-from rcl_interfaces.msg import ParameterDescriptor
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from visualization_msgs.msg import Marker
-from wasd_core.parameters import InvalidParameter
 from wasd_core.topics import RELIABLE
 
 from teleop_keyboard.keys_to_twist import Velocity
@@ -71,74 +67,17 @@ def to_marker(twist: Twist, stamp: Time, frame_id: str) -> Marker:
     return marker
 
 
-# How often the subscribers' types are looked at [s of wall time].
-LOOK_PERIOD = 0.25
-TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
-STAMPED_CHOICES = ('auto', 'true', 'false')
-
-
-def declare_stamped(node: Node) -> str:
-    """
-    Declare the parameter `stamped` of a node; return auto, true or false.
-
-    A boolean is accepted: that is what `-p stamped:=true` sends.
-
-    Raises:
-        InvalidParameter: it is something else.
-    """
-    descriptor = ParameterDescriptor(
-        description='Publish TwistStamped; auto: what the subscriber takes.',
-        additional_constraints=', '.join(STAMPED_CHOICES),
-        read_only=True,
-        dynamic_typing=True,
-    )
-    value = node.declare_parameter('stamped', 'auto', descriptor).value
-    text = str(value).lower()
-    if text not in STAMPED_CHOICES:
-        wanted = ', '.join(STAMPED_CHOICES)
-        raise InvalidParameter(f'stamped must be one of {wanted}, got {value!r}')
-    return text
-
-
-def type_of(infos: list[Any]) -> type | None:
-    """Return the one type of velocity of all endpoints; None when there is none, or two."""
-    types = {TYPES[info.topic_type] for info in infos if info.topic_type in TYPES}
-    return types.pop() if len(types) == 1 else None
-
-
 class TwistOutput:
-    """
-    Publishes velocities on a topic of a node, after `receivers` are called with each message.
-
-    With `stamped` `auto` the type is that of the subscribers as far as they agree, Twist before
-    there is one. One warning names the nodes that have the topic under the other type. A process
-    can have a topic under one type only: what it has stays. Where `follow` is off nothing is
-    looked at: a node that somebody else steps makes no timers, and keeps to Twist.
-
-    Raises:
-        InvalidParameter: this process has the topic under the type that `stamped` rules out.
-    """
+    """Publishes velocities on a topic, after `receivers` are called with each message."""
 
     def __init__(
-        self,
-        node: Node,
-        topic: str,
-        stamped: str,
-        frame_id: Callable[[], str],
-        follow: bool = True,
+        self, node: Node, topic: str, is_stamped: bool, frame_id: Callable[[], str]
     ) -> None:
         self._node = node
-        self._topic = node.resolve_topic_name(topic)
-        self._follows = stamped == 'auto'
         self._frame_id = frame_id
-        self._has_warned = False
-        self.type: type = TwistStamped if stamped == 'true' else Twist
-        self._publisher = self._make_publisher()
+        self.type: type = TwistStamped if is_stamped else Twist
+        self._publisher: Any = node.create_publisher(self.type, topic, RELIABLE)
         self.receivers: list[Callable[[Any], None]] = []
-        if follow:
-            # Wall time: simulated time may stand still while somebody subscribes.
-            clock = Clock(clock_type=ClockType.STEADY_TIME)
-            self._timer = node.create_timer(LOOK_PERIOD, self.look, clock=clock)
 
     @property
     def subscriber_count(self) -> int:
@@ -160,39 +99,3 @@ class TwistOutput:
     def wait_for_all_acked(self, seconds: float) -> None:
         """Give the last messages the time to leave the process."""
         self._publisher.wait_for_all_acked(Duration(seconds=seconds))
-
-    def look(self) -> None:
-        """Compare our type with that of the others on the topic: follow it, or warn once."""
-        subscribers = self._node.get_subscriptions_info_by_topic(self._topic)
-        wanted = type_of(subscribers)
-        if self._follows and wanted not in (None, self.type):
-            self._node.destroy_publisher(self._publisher)
-            self.type = wanted
-            self._publisher = self._make_publisher()
-        if self._has_warned:
-            return
-        others = [*subscribers, *self._node.get_publishers_info_by_topic(self._topic)]
-        strange = [info for info in others if TYPES.get(info.topic_type, self.type) != self.type]
-        if strange:
-            self._has_warned = True
-            names = ', '.join(sorted({info.node_name for info in strange}))
-            self._node.get_logger().warning(
-                f'{self._topic}: {names} has {TYPES[strange[0].topic_type].__name__}, this sends '
-                f'{self.type.__name__}: see the parameter stamped'
-            )
-
-    def _make_publisher(self) -> Any:
-        """Return a publisher of our type, or of the one under which this process has the topic."""
-        try:
-            return self._node.create_publisher(self.type, self._topic, RELIABLE)
-        except RCLError:
-            (other,) = {Twist, TwistStamped} - {self.type}
-            if not self._follows:
-                raise InvalidParameter(
-                    f'{self._topic} is {other.__name__} in this process, got stamped for '
-                    f'{self.type.__name__}'
-                ) from None
-        # From now on it stays: trying again and again would lose messages.
-        self._follows = False
-        self.type = other
-        return self._node.create_publisher(self.type, self._topic, RELIABLE)

@@ -9,7 +9,6 @@ from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -18,7 +17,7 @@ from visualization_msgs.msg import Marker
 from wasd_core.node import run_node
 from wasd_core.parameters import InvalidParameter
 from wasd_core.ros_parameters import declare_parameters
-from wasd_core.topics import AbsenceWatch, LATCHED, RELIABLE
+from wasd_core.topics import AbsenceWatch, LATCHED, RELIABLE, watch_types
 
 from teleop_keyboard.mux import (
     DEFAULT_LOCKS,
@@ -29,14 +28,7 @@ from teleop_keyboard.mux import (
     MuxInput,
 )
 from teleop_keyboard.parameters import MuxParameters, twist_mux
-from teleop_keyboard.twist_messages import (
-    declare_stamped,
-    is_finite,
-    LOOK_PERIOD,
-    to_marker,
-    TwistOutput,
-    type_of,
-)
+from teleop_keyboard.twist_messages import is_finite, to_marker, TwistOutput
 
 # How often losses are looked for [s]: so late a zero comes after a time-out.
 STEP_PERIOD = 0.02
@@ -61,8 +53,8 @@ class TwistMuxNode(Node):
     Relays the source with the highest priority from its topic to `cmd_vel_out`.
 
     Sources and locks are twist_mux's parameters `topics.NAME.topic|timeout|priority` and
-    `locks.NAME...`; a table that is not given is twist_mux's default. Each source may send Twist
-    or TwistStamped. `selected` says who drives, `twist_marker` shows where to.
+    `locks.NAME...`; a table that is not given is twist_mux's default. All send the type
+    that the mux publishes. `selected` says who drives, `twist_marker` shows where to.
 
     Raises:
         InvalidParameter: a table cannot be used.
@@ -72,7 +64,7 @@ class TwistMuxNode(Node):
         super().__init__('twist_mux', parameter_overrides=parameter_overrides or [])
         self._settings = declare_parameters(self, MuxParameters, self._on_settings)
         self.output = TwistOutput(
-            self, 'cmd_vel_out', declare_stamped(self), lambda: self._settings.frame_id
+            self, 'cmd_vel_out', self._settings.stamped, lambda: self._settings.frame_id
         )
         self._tables = {
             'topics': self._declare_table('topics', DEFAULT_SOURCES),
@@ -83,23 +75,22 @@ class TwistMuxNode(Node):
         self._selected = self.create_publisher(String, 'selected', LATCHED)
         self._marker = self.create_publisher(Marker, 'twist_marker', RELIABLE)
         self._announced: str | None = None
-        self._inputs: dict[str, Any] = {}
         self._absence = AbsenceWatch(self)
-        self._types: dict[str, type] = {}
         for source in self._tables['topics']:
-            self._subscribe(source, Twist)
+            # rclpy's types know no callback of two parameters.
+            callback: Any = functools.partial(self._on_message, source.name)
+            self.create_subscription(self.output.type, source.topic, callback, RELIABLE)
+        topics = [source.topic for source in self._tables['topics']]
+        watch_types(self, self.output.type, 'cmd_vel_out', *topics)
         self._lock_inputs = [
             self.create_subscription(
                 Bool, lock.topic, functools.partial(self._on_lock, lock.name), RELIABLE
             )
             for lock in self._tables['locks']
         ]
+        # Wall time: a paused simulation is no reason to ignore a lock.
         wall = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timers_kept = [
-            # Wall time for both: a paused simulation is no reason to ignore a lock.
-            self.create_timer(STEP_PERIOD, self.step, clock=wall),
-            self.create_timer(LOOK_PERIOD, self._follow_types, clock=wall),
-        ]
+        self.create_timer(STEP_PERIOD, self.step, clock=wall)
         self._announce()
 
     def step(self) -> None:
@@ -146,27 +137,6 @@ class TwistMuxNode(Node):
         if self._announced != self.mux.selected:
             self._announced = self.mux.selected
             self._selected.publish(String(data=self._announced))
-
-    def _subscribe(self, source: MuxInput, message_type: type) -> None:
-        if source.name in self._inputs:
-            self.destroy_subscription(self._inputs[source.name])
-        self._types[source.name] = message_type
-        callback = functools.partial(self._on_message, source.name)
-        try:
-            made = self.create_subscription(message_type, source.topic, callback, RELIABLE)
-        except RCLError:
-            (other,) = {Twist, TwistStamped} - {message_type}
-            self.get_logger().warning(f'{source.topic} is {other.__name__} in this process: stays')
-            made = self.create_subscription(other, source.topic, callback, RELIABLE)
-        self._inputs[source.name] = made
-
-    def _follow_types(self) -> None:
-        """Subscribe to what the publishers of each source send."""
-        for source in self._tables['topics']:
-            topic = self._inputs[source.name].topic_name
-            wanted = type_of(self.get_publishers_info_by_topic(topic))
-            if wanted not in (None, self._types[source.name]):
-                self._subscribe(source, wanted)
 
     def _declare_table(self, table: str, default: Sequence[MuxInput]) -> list[MuxInput]:
         """Declare the parameters of a table and return its rows."""

@@ -130,7 +130,7 @@ def test_a_ros_2_parameter_file_is_read_by_dots_and_by_levels(read):
         'wheel_separation': 0.38,
         'wheel_radius': 0.06,
         'pose_covariance_diagonal': (0.001, 0.001, 0.0, 0.0, 0.0, 0.01),
-        'stamped': 'false',
+        'stamped': False,
         'linear.x.max_velocity': 1.0,
         'angular.z.max_deceleration': -2.5,
     }

@@ -42,14 +42,13 @@ def test_every_parameter_is_an_argument_that_says_what_it_means(launch):
         argument = launch.arguments[field.name]
         assert argument.description == field.metadata['doc']
         assert argument.choices == (list(field.metadata['choices']) or None)
-    assert {'stamped', 'use_sim_time', 'namespace', 'cmd_vel', 'keys'} <= set(launch.arguments)
+    assert {'use_sim_time', 'namespace', 'cmd_vel', 'keys'} <= set(launch.arguments)
 
 
 def test_without_arguments_everything_is_as_the_preset_says(launch):
     (node,) = launch.start()
     assert (node.executable, node.namespace) == ('teleop', '')
     parameters = dict(node.parameters)
-    assert parameters.pop('stamped') == 'auto'
     assert parameters.pop('use_sim_time') is False
     assert TeleopParameters(**parameters) == TeleopParameters()
 

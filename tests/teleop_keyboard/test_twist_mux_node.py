@@ -81,12 +81,12 @@ def plain(x):
     return message
 
 
-def test_both_types_are_relayed_and_a_loss_ends_in_one_zero(mux, peer_of, run_until):
+def test_sources_are_relayed_and_a_loss_ends_in_one_zero(mux, peer_of, run_until):
     peer = peer_of()
-    keyboard, joystick = peer.publisher(Twist, 'key_vel'), peer.publisher(TwistStamped, 'joy_vel')
+    keyboard, joystick = peer.publisher(Twist, 'key_vel'), peer.publisher(Twist, 'joy_vel')
     run_until(lambda: 0.1 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.1)))
     assert mux.mux.selected == 'keyboard'
-    run_until(lambda: 0.2 in peer.speeds(), peer, lambda: joystick.publish(stamped(0.2)))
+    run_until(lambda: 0.2 in peer.speeds(), peer, lambda: joystick.publish(plain(0.2)))
     assert mux.mux.selected == 'joystick'
     run_until(lambda: mux.mux.selected == '', peer)
     run_until(lambda: peer.selected[-1:] == [''] and 0.0 in peer.speeds(), peer)
@@ -133,10 +133,11 @@ def test_the_default_tables_are_twist_muxs_and_can_be_read(mux):
     assert mux.get_parameter('topics.keyboard.priority').value == 90
 
 
-def test_the_output_follows_a_stamped_subscriber(mux, peer_of, run_until):
+def test_stamped_it_takes_and_sends_stamped_velocities(ros_domain, spawn, peer_of, run_until):
+    spawn(TwistMuxNode(parameter_overrides=[Parameter('stamped', value=True)]))
     peer = peer_of(TwistStamped)
-    keyboard = peer.publisher(Twist, 'key_vel')
-    run_until(lambda: 0.1 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.1)))
+    keyboard = peer.publisher(TwistStamped, 'key_vel')
+    run_until(lambda: 0.1 in peer.speeds(), peer, lambda: keyboard.publish(stamped(0.1)))
     assert peer.out[-1].header.frame_id == 'base_footprint'
     assert peer.out[-1].header.stamp.sec > 0
 

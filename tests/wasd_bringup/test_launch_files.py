@@ -33,8 +33,8 @@ DEFINITIONS = {
     'state_publisher': StatePublisherParameters,
     'teleop': TeleopParameters,
 }
-# Parameters that no definition has: rclpy's own, and the type of cmd_vel.
-OTHER_PARAMETERS = {'use_sim_time', 'stamped'}
+# Parameters that no definition has: rclpy's own.
+OTHER_PARAMETERS = {'use_sim_time'}
 # Everything the files can be asked for that starts something else.
 ASKED = [{}, {'rviz': 'true'}, {'keys': 'none'}, {'keys': 'wasd'}, {'keys': 'unitree'}]
 CASES = [

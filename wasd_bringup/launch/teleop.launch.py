@@ -25,9 +25,6 @@ def generate_launch_description():
     arguments = [
         *(parameter_argument(TeleopParameters, name) for name in names),
         DeclareLaunchArgument(
-            'stamped', default_value='auto', description='TwistStamped: true, false or auto.'
-        ),
-        DeclareLaunchArgument(
             'use_sim_time', default_value='false', description='Follow /clock: true or false.'
         ),
         DeclareLaunchArgument('namespace', default_value='', description='Of nodes and topics.'),
@@ -44,7 +41,6 @@ def generate_launch_description():
         parameters=[
             {
                 **{name: parameter_value(TeleopParameters, name) for name in names},
-                'stamped': LaunchConfiguration('stamped'),
                 'use_sim_time': LaunchConfiguration('use_sim_time'),
             }
         ],

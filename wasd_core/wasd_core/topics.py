@@ -17,9 +17,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
-import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rclpy.serialization import serialize_message
@@ -286,20 +284,49 @@ def take_all(subscription: Any, message_type: type[Message]) -> list[tuple[Messa
 
 
 VELOCITY_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
-# How often publishers of the other type are looked for, and their messages taken [s, wall time].
+# How often peers of the other type are looked for [s, wall time].
 TYPES_PERIOD = 0.5
-TAKE_PERIOD = 0.005
+
+
+def watch_types(node: Node, kind: type[Any], *topics: str) -> None:
+    """Say once of each topic that peers have the other type of velocity: nothing passes then."""
+    watched = [node.resolve_topic_name(topic) for topic in topics]
+
+    def look() -> None:
+        for topic in list(watched):
+            ends = [
+                *node.get_publishers_info_by_topic(topic),
+                *node.get_subscriptions_info_by_topic(topic),
+            ]
+            strange = {
+                end.node_name
+                for end in ends
+                if VELOCITY_TYPES.get(end.topic_type, kind) is not kind
+            }
+            if strange:
+                watched.remove(topic)
+                names, ours = ', '.join(sorted(strange)), kind.__name__
+                other = Twist.__name__ if kind is TwistStamped else TwistStamped.__name__
+                # Some nodes know only Twist: then the others are to change.
+                can_change = node.has_parameter('stamped')
+                who, wanted = (node.get_name(), other) if can_change else (names, ours)
+                cure = f'-p stamped:={wanted == TwistStamped.__name__}'.lower()
+                # An error: an interactive run shows no warning of legs.
+                node.get_logger().error(
+                    f'{topic}: {names} has {other}, {node.get_name()} {ours}: nothing passes; '
+                    f'let {who} have {wanted} ({cure})'
+                )
+
+    # Wall time: simulated time may stand still.
+    node.create_timer(TYPES_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class VelocitySubscription(LoopbackSubscription[Any]):
     """
-    Velocities of other processes on cmd_vel.
+    Velocities of other processes on cmd_vel; an error names peers of the type that is not taken.
 
     `on_velocity` is told (vx, vy, wz) [m/s], [m/s], [rad/s] and the age [s], and says whether they
     count. `age_of` gives the age of a stamp, None for a message to be dropped.
-
-    A DDS participant knows one type per topic. With `stamped` `auto` this one listens for Twist;
-    once somebody publishes TwistStamped, a second participant listens for that.
     """
 
     def __init__(
@@ -307,23 +334,14 @@ class VelocitySubscription(LoopbackSubscription[Any]):
         node: Node,
         on_velocity: Callable[[tuple[float, float, float], float], bool],
         is_stale: Callable[[int], bool] = lambda sent: False,
-        stamped: str = 'false',
+        stamped: bool = False,
         age_of: Callable[[Time], float | None] = lambda stamp: 0.0,
     ) -> None:
         self.on_velocity, self._age_of = on_velocity, age_of
-        self._node = node
-        own = TwistStamped if stamped == 'true' else Twist
-        super().__init__(node, own, 'cmd_vel', lambda message: None, RELIABLE, is_stale)
+        self.type: type[Any] = TwistStamped if stamped else Twist
+        super().__init__(node, self.type, 'cmd_vel', lambda message: None, RELIABLE, is_stale)
         self.admit = self._deliver  # who admits a velocity takes it
-        self._other: _OtherParticipant | None = None
-        if stamped == 'auto':
-            self._wall = Clock(clock_type=ClockType.STEADY_TIME)
-            self._types_timer = node.create_timer(TYPES_PERIOD, self._look, clock=self._wall)
-
-    def close(self) -> None:
-        """Leave the second participant."""
-        if self._other is not None:
-            self._other.close()
+        watch_types(node, self.type, 'cmd_vel')
 
     def _deliver(self, message: Any) -> bool:
         twist: Twist = message
@@ -332,51 +350,3 @@ class VelocitySubscription(LoopbackSubscription[Any]):
             twist, age = message.twist, self._age_of(message.header.stamp)
         velocity = twist.linear.x, twist.linear.y, twist.angular.z
         return age is not None and self.on_velocity(velocity, age)
-
-    def _look(self) -> None:
-        """Listen for the other type as soon as somebody publishes it."""
-        for info in self._node.get_publishers_info_by_topic(self.topic):
-            kind = VELOCITY_TYPES.get(info.topic_type, self._type)
-            if kind is not self._type:
-                self._other = _OtherParticipant(self._node, kind, self.topic)
-                self._node.destroy_timer(self._types_timer)
-                self._types_timer = self._node.create_timer(
-                    TAKE_PERIOD, self._take, clock=self._wall
-                )
-                return
-
-    def _take(self) -> None:
-        assert self._other is not None
-        for message, sent in self._other.take():
-            if not self._is_stale(sent):
-                self.hear(message)
-
-
-class _OtherParticipant:
-    """A subscription in a context of its own, asked for its messages."""
-
-    def __init__(self, node: Node, message_type: type, topic: str) -> None:
-        self._type = message_type
-        self._context = Context()
-        self._context.init(args=[], domain_id=node.context.get_domain_id())
-        self._node = rclpy.create_node(
-            f'{node.get_name()}_stamped_input',
-            namespace=node.get_namespace(),
-            context=self._context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        self._subscription = self._node.create_subscription(
-            message_type, topic, lambda message: None, RELIABLE
-        )
-
-    def take(self) -> list[tuple[Any, int]]:
-        """Return the messages that have arrived, and when they were sent [ns of system time]."""
-        kind: type[Any] = self._type
-        taken = take_all(self._subscription, kind)
-        return [(message, info['source_timestamp']) for message, info in taken]
-
-    def close(self) -> None:
-        self._node.destroy_node()
-        self._context.try_shutdown()

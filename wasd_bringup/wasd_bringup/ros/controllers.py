@@ -35,17 +35,18 @@ class ControllerFace:
     # Whether its nodes stamp by their clocks, other than in what they answer to messages.
     needs_clock = True
 
-    def __init__(
-        self, robot: Robot, node: Node | None = None, twist_type: type[Any] = Twist
-    ) -> None:
+    def __init__(self, robot: Robot, node: Any = None) -> None:
         """Take a robot, and the node of its controller, which has `cmd_vel`."""
         self.robot, namespace = robot, robot.options.namespace
-        self.node: Any = node or _plain_node(robot)
+        self.node = node or _plain_node(robot)
+        twist_type = self.node.cmd_vel.type
         self.nodes: list[Node] = [self.node]
         self.key_inputs: list[LoopbackSubscription[String]] = []
         if robot.logic is not None:
-            names = {'preset': robot.options.preset, 'layout': robot.options.layout}
-            given = [Parameter(name, value=value) for name, value in names.items()]
+            # A participant knows one type per topic: that of the controller's subscription.
+            values = robot.options.preset, robot.options.layout, twist_type is TwistStamped
+            names = 'preset', 'layout', 'stamped'
+            given = [Parameter(n, value=value) for n, value in zip(names, values, strict=True)]
             teleop = KeysToTwistNode(robot.logic, namespace=namespace, parameter_overrides=given)
             self.nodes.append(teleop)
             self.key_inputs.append(teleop.keys)
@@ -166,9 +167,7 @@ class WheelsFace(ControllerFace):
             ],
             file=robot.options.drive_file,
         )
-        # A participant knows one type per topic: that of the controller's subscription.
-        self._is_stamped = node.settings.stamped == 'true'
-        super().__init__(robot, node, TwistStamped if self._is_stamped else Twist)
+        super().__init__(robot, node)
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant."""
@@ -185,7 +184,7 @@ class WheelsFace(ControllerFace):
 
     def _to_message(self, told: FullVelocity) -> Any:
         twist = super()._to_message(told)
-        if not self._is_stamped:
+        if not self.node.settings.stamped:
             return twist
         message = TwistStamped(twist=twist)
         message.header.stamp = self.node.get_clock().now().to_msg()
