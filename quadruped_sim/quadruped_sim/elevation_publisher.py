@@ -13,6 +13,7 @@ from std_msgs.msg import Header
 from wasd_core.messages import CLOUD_TYPES, to_cloud, to_seconds
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import yaw_of
+from wasd_core.streams import visible
 from wasd_core.topics import has_subscriber, RELIABLE, SENSOR_DATA
 
 from quadruped_sim.elevation import Elevation
@@ -99,7 +100,11 @@ class CloudInput:
         if self.mapper is None:
             robot, link = self._robot, message.header.frame_id
             if robot.carriers.get(link) != robot.carriers[robot.base]:
-                return  # it is not fixed in the base
+                self._node.get_logger().warning(
+                    visible(f'points: {link} is not fixed to the base: no heights by it'),
+                    once=True,
+                )
+                return
             self.mapper = ElevationMapper(poses_in_base(robot)[link])
         points = to_points(message)
         if points is not None and self.mapper.take_cloud(to_seconds(message.header.stamp), points):

@@ -124,6 +124,16 @@ def test_a_node_of_its_own_takes_points_only_while_somebody_wants_heights(spawn,
     spin_until(spawn.pump, lambda: clouds._clouds is None, step=step)
 
 
+def test_a_cloud_of_a_lidar_that_is_not_fixed_to_the_base_is_refused_in_a_line(spawn, capfd):
+    robot, maps = load_robot('go2').robot, []
+    clouds = CloudInput(spawn(Node('legs')), robot, lambda: True, lambda *told: maps.append(told))
+    clouds.step(1.0, odometry())
+    for _ in range(3):
+        clouds._on_cloud(cloud('FL_calf'))
+    assert not maps
+    assert capfd.readouterr().err.count('points: FL_calf is not fixed to the base') == 1
+
+
 def test_a_cloud_that_is_none_is_not_taken():
     whole = cloud()
     assert to_points(whole)['x'] == np.float32(0.5)

@@ -133,6 +133,32 @@ def test_after_a_reset_it_sees_where_it_is_and_not_where_it_was():
     assert dog._robot.legs.controller.locomotion.sight._state.share[0] == 0.0
 
 
+@pytest.mark.slow
+def test_a_lidar_on_a_joint_that_is_held_maps_the_stairs_where_they_are(tmp_path):
+    whole = robot_named('go2').urdf
+    inertia = 'ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"'
+    mass = f'<inertial><mass value="0.2"/><inertia {inertia}/></inertial>'
+    turns = '<axis xyz="0 1 0"/><limit lower="-0.5" upper="0.5" effort="2" velocity="2"/>'
+    for fixed, held in (
+        ('<link name="radar"/>', f'<link name="radar">{mass}</link>'),
+        ('name="radar_joint" type="fixed">', f'name="radar_joint" type="revolute">{turns}'),
+        # In the head it would see the head: that is another body now.
+        ('xyz="0.28945 0 -0.046825"', 'xyz="0.40 0 0.0"'),
+    ):
+        assert fixed in whole
+        whole = whole.replace(fixed, held)
+    file = tmp_path / 'neck.urdf'
+    file.write_text(whole)
+    dog = wasd.Go2('stairs:0.15', description=str(file), eyes=True)
+    dog.press('2')
+    dog.run(3.0)
+    x, y = np.meshgrid(np.arange(0.5, 1.0, 0.02), np.linspace(-0.3, 0.3, 9))
+    heights = np.nanmedian(dog._robot.elevation.mapper.elevation.at(x, y), axis=0)
+    first = x[0, np.nanargmax(heights > 0.075)]
+    off = dog.truth.position - dog.odometry.position
+    assert first + off[0] == pytest.approx(0.8, abs=0.04)
+
+
 @pytest.fixture
 def blind(tmp_path):
     """The file of a Go2 without a lidar of points."""

@@ -57,7 +57,7 @@ class SimulatedGo2:
         self.simulation = Simulation(self.world, speed)
         self.robot = LegsRobot(self.legs, self.world, Commands(self._press, self._drive))
         self._sensors = Sensors(loaded, self.world, SimulatorParameters())
-        lidar = serve_lidar(self.robot, self._sensors)
+        lidar = serve_lidar(self.robot, self._sensors, self.world)
         self.bridge = Bridge(self.robot, wire, say, is_synced=is_synced, lidar=lidar)
         schedule = self.simulation.schedule
         schedule.every(1.0 / LEG_RATE, self._control)

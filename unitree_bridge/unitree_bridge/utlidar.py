@@ -8,6 +8,7 @@ from typing import Any
 from mujoco_sim.sensors.cloud import POINT
 from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.mount import Fields
+from mujoco_sim.world import World
 import numpy as np
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.elevation_mapper import ElevationMapper
@@ -169,13 +170,13 @@ class LidarTopics:
         )
 
 
-def serve_lidar(robot: LegsRobot, sensors: Sensors) -> LidarTopics | None:
+def serve_lidar(robot: LegsRobot, sensors: Sensors, world: World) -> LidarTopics | None:
     """Return the topics of a robot's lidar: that of points, or else a planar one; None without."""
     kinds = {topic.kind: topic for topic in reversed(sensors.topics)}
     topic = kinds.get('PointCloud2') or kinds.get('LaserScan')
     if topic is None:
         return None
-    lidar = LidarTopics(robot, topic.mount.pose)
+    lidar = LidarTopics(robot, topic.mount.in_base(world))
     topic.listen(lidar.take, lambda: lidar.wants_clouds)
     return lidar
 

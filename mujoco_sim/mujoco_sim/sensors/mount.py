@@ -28,6 +28,14 @@ class Mount(NamedTuple):
         rotation = data.xmat[self.body].reshape(3, 3)
         return Pose(data.xpos[self.body].copy(), rotation) @ self.pose
 
+    def in_base(self, world: World) -> Pose:
+        """Return the frame's pose in the base of the world's robot, by its joints as they are."""
+        if self.body == world.root:
+            return self.pose
+        own, place = self.in_world(world.data), world.data.xpos[world.root]
+        back = world.data.xmat[world.root].reshape(3, 3).T
+        return Pose(back @ (own.position - place), back @ own.rotation)
+
 
 class Snapshot:
     """

@@ -25,7 +25,8 @@ class RobotElevation:
         self.mapper: ElevationMapper | None = None
         topics = [topic for topic in robot.sensors.topics if topic.kind == 'PointCloud2']
         if topics:
-            self.mapper = ElevationMapper(topics[0].mount.pose)
+            # On a joint that is held it stays where it is.
+            self.mapper = ElevationMapper(topics[0].mount.in_base(robot.world))
             topics[0].listen(self._take, self._is_wanted)
             robot.simulation.on_reset.append(self.mapper.reset)
 

@@ -70,7 +70,7 @@ class UnitreeDriver:
             self._wire,
             self._say,
             is_synced=options.sync,
-            lidar=serve_lidar(self._legs, robot.sensors),
+            lidar=serve_lidar(self._legs, robot.sensors, robot.world),
         )
         self.may_advance = self.bridge.may_advance
         robot.outside = self
