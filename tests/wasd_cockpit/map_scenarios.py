@@ -3,7 +3,9 @@
 
 from collections.abc import Callable
 import math
+import time
 
+from mujoco_sim.viewer.input import SILENCE
 from run_scenarios import Page
 from wasd_cockpit.panels.map import REACHES
 
@@ -115,3 +117,36 @@ def scenario_a_goal_stays_where_the_floor_was_pressed_while_the_robot_drives(pag
     assert least - 0.05 < goal(page).x - 0.8 < most + 0.05
     page.click('cancel goal')
     page.wait_until(lambda: goal(page) is None, 'the goal stays')
+
+
+def stays_without_a_goal(page: Page) -> None:
+    """See that nothing was ordered, once the page has told all that it had to."""
+    page.puppet.draw(6)
+    page.wait(0.5)
+    assert page.session.navigations[0].navigator.goal is None
+    assert page.snapshot.navigation.state != 'refused'
+
+
+def scenario_a_hand_that_leaves_while_the_map_is_hidden_has_chosen_no_goal(page: Page) -> None:
+    page.open('phone', (390, 844))
+    page.wait_until(lambda: page.cockpit.page.layout.is_tall, 'no phone')
+    page.click('tab map')
+    x, y = page.show('floor')
+    page.puppet.press_at((x + 20, y))
+    page.puppet.size = (844, 390)
+    page.puppet.draw(6)
+    assert page.cockpit.page.layout.is_hidden
+    page.puppet.buttons = 0
+    page.puppet.draw(6)
+    page.puppet.size = (390, 844)
+    stays_without_a_goal(page)
+    page.open()
+
+
+def scenario_a_hand_that_leaves_while_the_page_is_lost_has_chosen_no_goal(page: Page) -> None:
+    page.puppet.press_at(at_floor(page, 0.6))
+    page.puppet.is_silent = True
+    time.sleep(2.0 * SILENCE)
+    page.puppet.buttons = 0
+    page.puppet.is_silent = False
+    stays_without_a_goal(page)

@@ -14,7 +14,7 @@ from typing import Any
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.drawing import SLOW_PAGE
-from mujoco_sim.viewer.input import PageInput
+from mujoco_sim.viewer.input import PageInput, SILENCE
 
 from wasd_cockpit import style
 from wasd_cockpit.layout import Layout, Place, TOUCH_SCALE
@@ -117,6 +117,7 @@ class Cockpit:
             'world': World(),
         }
         self._is_ghost = True
+        self._began = 0.0  # the last frame of panels [s]
         self._settings = settings
         self._kept = load_settings(settings)
         self._restore(self._kept)
@@ -196,8 +197,10 @@ class Cockpit:
         self.times.total += time.thread_time() - self.times.began
 
     def _watch_buttons(self, may_hold: bool) -> None:
-        """Let no button count that ImGui has down since before it may."""
-        if not may_hold:
+        """Let no button count that ImGui has down since before it may, or before a silence."""
+        before, self._began = self._began, time.monotonic()
+        # ImGui hears of its end a frame late.
+        if not may_hold or self._began > before + SILENCE:
             self._is_ghost = True
         elif not imgui.IsAnyMouseDown():
             self._is_ghost = False

@@ -52,6 +52,7 @@ class Dragging:
     def __init__(self) -> None:
         # Where it was pressed: on the page [pixels], on the floor [m], for which robot.
         self._start: tuple[Place, Place | None, int] | None = None
+        self._frame = 0  # in which it was watched last
 
     def step(
         self, is_held: bool, robot: int, to_floor: Callable[[float, float], Place | None]
@@ -63,6 +64,9 @@ class Dragging:
         the page now: a later frame may show another one there.
         """
         mouse = imgui.GetMousePos().x, imgui.GetMousePos().y
+        before, self._frame = self._frame, int(imgui.GetFrameCount())
+        if self._frame > before + 1:
+            self._start = None  # it may have been let go while it was hidden
         if is_held:
             self._start = self._start or (mouse, to_floor(*mouse), robot)
             return None
