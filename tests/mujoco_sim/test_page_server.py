@@ -121,6 +121,13 @@ def test_the_page_itself_gets_everything(port, name):
     assert [upgrade(port, path, **own).status for path in SOCKETS] == [101, 101, 403]
 
 
+@pytest.mark.parametrize('name', ['127.0.0.1', 'localhost'])
+def test_a_browser_leaves_out_the_usual_port(name):
+    headers = web_server.Headers({'Host': name, 'Origin': f'http://{name}'})
+    assert page_server.is_own(web_server.Request('/', headers), 80)
+    assert not page_server.is_own(web_server.Request('/', headers), 8080)
+
+
 def test_the_page_is_as_wide_as_a_phone_and_whole(port):
     connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
     connection.request('GET', '/')

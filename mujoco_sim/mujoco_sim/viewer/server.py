@@ -17,6 +17,8 @@ from mujoco_sim.viewer.input import PageInput
 from mujoco_sim.viewer.studio import session_of, SILENT_CONTROLLER
 
 NAMES = (LOOPBACK, 'localhost')
+# Browsers leave this port out of a host's name.
+UNNAMED_PORT = 80
 # A client has so long for its request [s] ...
 HEADER_TIMEOUT = 5.0
 # ... and so long to take the answer, which is megabytes for some: a page over a slow tunnel [s].
@@ -68,7 +70,8 @@ def is_own(request: Request, port: int) -> bool:
     A page of somebody else names its origin; one whose name was made to lead here names its host.
     """
     hosts = request.headers.get_all('Host')
-    if len(hosts) != 1 or hosts[0].lower() not in {f'{name}:{port}' for name in NAMES}:
+    own = {f'{name}:{port}' for name in NAMES} | set(NAMES if port == UNNAMED_PORT else ())
+    if len(hosts) != 1 or hosts[0].lower() not in own:
         return False
     origins = request.headers.get_all('Origin')
     return not origins or [text.lower() for text in origins] == [f'http://{hosts[0].lower()}']
