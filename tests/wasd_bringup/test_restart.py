@@ -71,9 +71,11 @@ def test_a_run_starts_again_with_its_options_in_another_world_on_the_same_page(b
 def test_the_page_shows_the_options_with_which_the_same_robot_starts_again(monkeypatch):
     monkeypatch.delenv('WASD_CALLED', raising=False)
     words = ('go2', '--map', '--port', '8090', '--package-path', 'my robots', '--no-open')
-    start = restart(words=words, map='').start
+    words += ('--ros-args', '-p', 'gait:=walk')
+    start = restart(words=words, map='', world='my house/room.xml').start
     assert start.refusal == ''
-    assert start.words('go2', 'room') == "wasd go2 --map --package-path 'my robots' --world room"
+    shown = "wasd go2 --world 'my house/room.xml' --map --package-path 'my robots'"
+    assert start.words('go2', 'my house/room.xml') == f'{shown} --ros-args -p gait:=walk'
     assert start.words('mbot', 'room') == 'wasd mbot --world room'
 
 

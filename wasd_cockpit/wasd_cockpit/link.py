@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
+import shlex
 import time
 from typing import ClassVar, NamedTuple
 
@@ -166,7 +167,9 @@ class Start(NamedTuple):
     def words(self, robot: str, world: str) -> str:
         """Return what the user would type for a run with a robot in a world."""
         kept = self.kept if robot == self.robot else ''
-        return ' '.join(filter(None, (self.called, robot, kept, '--world', world)))
+        # Before what is kept: that may end in words for ROS.
+        words = (self.called, robot, '--world', shlex.quote(world), kept)
+        return ' '.join(filter(None, words))
 
 
 class PlanarPose(NamedTuple):

@@ -48,7 +48,7 @@ class Restart:
             options.robot,
             worlds,
             options.world,
-            shlex.join(kept_words(self._words)),
+            shlex.join((*kept_words(self._words), *self._words[_end(self._words) :])),
             refusal(options),
         )
 
