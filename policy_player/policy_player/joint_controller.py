@@ -99,6 +99,11 @@ class JointController:
         ahead, left, turn = self._high.tolist()
         return ahead, left, turn
 
+    @property
+    def backward(self) -> float:
+        """The fastest that is followed back [m/s]."""
+        return float(-self._low[0])
+
     def reset(self) -> None:
         """Forget the past: passive, at rest."""
         self.state = State.PASSIVE

@@ -3,6 +3,7 @@
 
 import mujoco
 import numpy as np
+from policy_player.joint_controller import State
 import pytest
 from quadruped_sim.keys import STATE_KEYS, StateName, ZERO_KEYS
 from wasd_bringup.page.bridge import CockpitBridge, SNAPSHOT_EVERY
@@ -382,3 +383,73 @@ def test_a_stick_held_over_an_e_stop_of_another_source_drives_only_after_its_rel
     run.look(None)
     run.look(stick)
     assert controller.target.linear > 0.05
+
+
+@pytest.mark.parametrize('speed', [20.0, 0.0])
+def test_a_stick_drives_on_however_far_time_goes_between_two_looks(run_of, speed):
+    run = run_of('mbot', 'mbot')
+    run.bridge._link._clock = lambda: 0.0  # a stick that is held stays proved
+    run.bridge.attach('')
+    controller, simulation = run.session.robot.drive_unit.controller, run.session.simulation
+    run.look(Stick(0.5))
+    for _ in range(20):
+        simulation.advance(round(0.1 / run.session.world.time_step))
+        assert controller.target.linear > 0.05
+    run.look(None)
+    simulation.advance(round(0.1 / run.session.world.time_step))
+    assert controller.target.linear == 0.0
+
+
+def test_a_stick_that_is_held_over_a_change_of_robot_drives_the_other_after_its_release(run_of):
+    run = run_of('both', 'unitree')
+    run.bridge.attach('')
+    controller = run.session.robots[1].drive_unit.controller
+    run.look(Stick(0.5))
+    run.session.press(SWITCH_KEY)
+    for _ in range(5):
+        run.look(Stick(0.5))
+        run.session.simulation.advance(33)
+        assert controller.target.linear == 0.0
+    run.look(None)
+    run.look(Stick(0.5))
+    assert controller.target.linear > 0.05
+
+
+def test_a_stick_of_a_page_that_is_closed_stops_the_robot_for_good(run_of):
+    run = run_of('mbot', 'mbot')
+    run.bridge.attach('')
+    controller = run.session.robot.drive_unit.controller
+    run.look(Stick(0.5))
+    assert controller.target.linear > 0.05
+    run.session._stop_what_the_view_moved()
+    for _ in range(5):  # what the page said last is still fresh
+        run.look(Stick(0.5))
+        assert controller.target.linear == 0.0
+    run.look(None)  # another page
+    run.look(Stick(0.5))
+    assert controller.target.linear > 0.05
+
+
+@pytest.mark.parametrize('state', [StateName.TROTTING, StateName.MOVE_BASE])
+def test_a_full_stick_backwards_is_as_fast_as_the_page_says(run_of, state):
+    run = run_of('go2', 'unitree')
+    stack = run.session.robot
+    for key in ('2', '4' if state is StateName.TROTTING else '5'):
+        run.session.press(key)
+        run.session.simulation.advance(1500)
+    assert stack.state == state
+    for stick in (Stick(-1.0), Stick(1.0)):
+        for _ in range(60):
+            run.look(stick)
+            run.session.simulation.advance(33)
+        shown = run.bridge._link.snapshot
+        assert shown.stick.velocity(stick)[0] == pytest.approx(shown.marks.command[0])
+
+
+def test_a_full_stick_backwards_of_a_network_is_as_fast_as_it_was_trained(run_of):
+    run = run_of('g1', 'wasd')
+    controller = run.session.robot.controller
+    controller.state = State.POLICY
+    run.look(Stick(-1.0))
+    shown = run.bridge._link.snapshot.stick.velocity(Stick(-1.0))
+    assert shown == tuple(controller._asked) == (-0.5, 0.0, 0.0)

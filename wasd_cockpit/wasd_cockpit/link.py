@@ -140,12 +140,21 @@ class StickUse(NamedTuple):
     """
     The use of the stick: `full` is the command of a full stick [m/s], [m/s], [rad/s].
 
-    `words` say what it moves, or what is missing.
+    `words` say what it moves, or what is missing; `backward` is the full speed back [m/s], None
+    where it is that ahead.
     """
 
     full: tuple[float, float, float]
     words: str
     sideways: bool = True
+    backward: float | None = None
+
+    def velocity(self, stick: Stick) -> tuple[float, float, float]:
+        """Return the command of a stick [m/s], [m/s], [rad/s]."""
+        ahead, left, turn = self.full
+        if stick.forward < 0.0 and self.backward is not None:
+            ahead = self.backward
+        return ahead * stick.forward, left * stick.left, turn * stick.turn
 
 
 class Start(NamedTuple):

@@ -29,8 +29,9 @@ from wasd_core.timing import HELD, RELEASE, split_event
 from wasd_bringup.page.restart import page_port, Restart
 from wasd_bringup.page.robot_view import RobotView
 from wasd_bringup.robots import load_class
+from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.report import SAMPLE_PERIOD
-from wasd_bringup.run.robot import Robot
+from wasd_bringup.run.robot import Robot, Velocity
 from wasd_bringup.run.run import Run
 
 if TYPE_CHECKING:
@@ -126,8 +127,9 @@ class CockpitBridge:
         self._next = 0.0
         self._pressed: dict[str, float] = {}
         self._now = 0.0
-        # The robot that the stick moves, and what it was told last.
+        # The robot that the stick moves, and by which velocity; None where it presses keys.
         self._driven: int | None = None
+        self._velocity: Velocity | None = None
         self._is_ignored = False  # the stick, until it is released
         self._pushed: int | None = None
 
@@ -138,9 +140,11 @@ class CockpitBridge:
         run.listeners.of_keys.append(self.note_key)
         run.listeners.of_looks.append(self.step)
         run.listeners.of_disarm.append(self._disarm)
+        run.listeners.of_loss.append(self._disarm)
         run.listeners.of_end.append(self.close)
         run.simulation.on_reset.append(self.forget)
         run.simulation.schedule.every(SAMPLE_PERIOD, self.sample)
+        run.simulation.schedule.every(1.0 / TWIST_RATE, self._repeat)
 
     def sample(self) -> None:
         """Remember this instant of all robots."""
@@ -240,7 +244,9 @@ class CockpitBridge:
         """End, without waiting for a snapshot, what a hand no longer does to the robot in turn."""
         active, link = self._run.active, self._link
         self._is_ignored &= link.has_stick  # a page that is only late has not let go
-        if self._driven is not None and (link.stick is None or self._driven != active):
+        if self._driven not in (None, active):
+            self._disarm()
+        elif link.stick is None:
             self.let_go()
         if self._pushed is not None and (link.force is None or self._pushed != active):
             self._push()
@@ -251,6 +257,11 @@ class CockpitBridge:
         if stick is not None and not self._is_ignored:
             self._driven = self._run.active
             self._move(self._driven, stick)
+
+    def _repeat(self) -> None:
+        """Drive at the stick's last velocity again: it counts for a simulated time only."""
+        if self._velocity and self._link.stick and self._driven == self._run.active:
+            self._active.robot.drive(self._velocity, 'page')
 
     def _push(self) -> None:
         """Push the robot in turn as the hand does on the page, and no other one."""
@@ -275,10 +286,9 @@ class CockpitBridge:
     def _move(self, robot: int, stick: Stick) -> None:
         watched = self._watched[robot]
         keys = watched.view.stick_keys(stick)
-        if keys is None:
-            full = watched.view.stick_use().full
-            forward, left, turn = (share * most for share, most in zip(stick, full, strict=True))
-            watched.robot.drive((forward, left, turn), 'page')
+        self._velocity = watched.view.stick_use().velocity(stick) if keys is None else None
+        if self._velocity:
+            watched.robot.drive(self._velocity, 'page')
         elif keys:
             self._run.press_for(robot, keys, 'page')
 

@@ -15,4 +15,4 @@ class LeggedView(RobotView):
         controller = self._robot.controller
         if controller.state is not State.POLICY:
             return StickUse((0.0, 0.0, 0.0), f'drives in {State.POLICY.value}')
-        return StickUse(controller.full, 'drives the policy')
+        return StickUse(controller.full, 'drives the policy', backward=controller.backward)

@@ -86,9 +86,10 @@ class LegsView(RobotView):
         limits = controller.command_filter.limits
         full = (limits.forward, limits.lateral, limits.yaw)
         if state == StateName.POLICY:
-            return StickUse(full, 'drives the policy')
+            return StickUse(full, 'drives the policy', backward=limits.backward)
         if self._drives_by_velocity or state == StateName.TROTTING:
-            return StickUse(full, f'drives, gait {controller.gait}')
+            words = f'drives, gait {controller.gait}'
+            return StickUse(full, words, backward=limits.backward)
         wanted = controller.words.drive
         words = 'moves the body' if state not in (StateName.PASSIVE, StateName.FIXED_STAND) else ''
         return StickUse((0.0, 0.0, 0.0), words or f'drives in {wanted.value}')

@@ -81,14 +81,15 @@ class KeySwitch:
 @dataclass
 class Listeners:
     """
-    Callbacks: for a key, for a look at the viewer, for `disarm`, for an e-stop (before its keys
-    are pressed), for the end.
+    Callbacks: for a key, for a look at the viewer, for its loss, for `disarm`, for an e-stop
+    (before its keys are pressed), for the end.
 
     A look comes with the wall time, and with the time between two frames of the viewer [s].
     """
 
     of_keys: list[Callable[[str], None]] = field(default_factory=list)
     of_looks: list[Callable[[float, float], None]] = field(default_factory=list)
+    of_loss: list[Callable[[], None]] = field(default_factory=list)
     of_disarm: list[Callable[[], None]] = field(default_factory=list)
     of_e_stop: list[Callable[[], None]] = field(default_factory=list)
     of_end: list[Callable[[], None]] = field(default_factory=list)
@@ -477,6 +478,8 @@ class Run:
         for robot in self.robots:
             if any(robot.drivers.held('page')):
                 self.lose('page', robot, 'the viewer that drove it is gone')
+        for let_go in self.listeners.of_loss:
+            let_go()
         for each in self.navigations:
             each.lose_page()
 

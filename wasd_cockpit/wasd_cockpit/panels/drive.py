@@ -52,8 +52,8 @@ class Drive:
         stick = Stick(y, 0.0, -x) if turns else Stick(y, -x, 0.0)
         stick = stick._replace(turn=min(max(stick.turn + turn, -1.0), 1.0))
         scaled = Stick(*(self.share * value for value in stick))
-        values = [share * full for share, full in zip(scaled, use.full, strict=True)]
-        text = '{:+.2f} {:+.2f} m/s  {:+.2f} rad/s'.format(*(value + 0.0 for value in values))
+        velocity = (value + 0.0 for value in use.velocity(scaled))
+        text = '{:+.2f} {:+.2f} m/s  {:+.2f} rad/s'.format(*velocity)
         if page.input is not None and not page.input.can_hold:
             page.widgets.words(CANNOT_HOLD, style.ODOMETRY, wrapped=True)
             page.widgets.note('text cannot hold')
