@@ -63,9 +63,9 @@ class Simulation:
         for forget in self.on_reset:
             forget()
 
-    def step(self) -> None:
-        """Advance by one physics step, by hand, and tell of it."""
-        self.advance(1)
+    def step(self, steps: int = 1) -> None:
+        """Advance by so many physics steps, by hand, and tell of it."""
+        self.advance(steps)
         for tell in self.on_step:
             tell()
 

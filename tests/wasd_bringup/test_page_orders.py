@@ -430,6 +430,20 @@ def test_a_stick_of_a_page_that_is_closed_stops_the_robot_for_good(run_of):
     assert controller.target.linear > 0.05
 
 
+def test_a_state_whose_key_the_keymap_took_cannot_be_chosen(run_of, tmp_path):
+    preset = tmp_path / 'mine.yaml'
+    preset.write_text(
+        'speed: 0.5\nturn: 1.0\nlinear_accel: 1.0\nangular_accel: 4.0\nmotion: {v: [1, 0, 0]}\n'
+    )
+    run = run_of('go2', str(preset))
+    legs = run.session.robot.legs.controller
+    legs._machine.force(StateName.FIXED_STAND)
+    run.look()
+    refusals = {choice.name: choice.refusal for choice in run.bridge._link.snapshot.choices}
+    assert refusals['jump'] == "the key v is the preset's"
+    assert not refusals['trotting']
+
+
 @pytest.mark.parametrize('state', [StateName.TROTTING, StateName.MOVE_BASE])
 def test_a_full_stick_backwards_is_as_fast_as_the_page_says(run_of, state):
     run = run_of('go2', 'unitree')
@@ -453,3 +467,29 @@ def test_a_full_stick_backwards_of_a_network_is_as_fast_as_it_was_trained(run_of
     run.look(Stick(-1.0))
     shown = run.bridge._link.snapshot.stick.velocity(Stick(-1.0))
     assert shown == tuple(controller._asked) == (-0.5, 0.0, 0.0)
+
+
+def test_what_the_page_orders_by_its_buttons_is_saved_as_keys(run_of, tmp_path):
+    saved = tmp_path / 'saved'
+    run = run_of('mbot', 'mbot', save_keys=OutputFile(saved, '--save-keys'), latched=True)
+    simulation, world = run.session.simulation, run.session.world
+    run.session.press('i', 'page')
+    simulation.advance(1000)
+    for order in ('reset', 'e-stop', 'end e-stop'):
+        run.order(order)
+        simulation.advance(100)
+    assert abs(world.base().position[0]) < 0.01
+    run.session._writer.close()
+    keys = [line.split()[1] for line in saved.read_text().splitlines()]
+    assert keys == ['i', 'BACKSPACE', 'ESC', run.session.robot.stop_key, 'ENTER']
+
+
+def test_a_step_that_the_page_orders_is_published(run_of):
+    run = run_of('mbot', 'mbot')
+    simulation, told = run.session.simulation, []
+    simulation.on_step.append(lambda: told.append(run.session.world.tick))
+    run.order('step')
+    assert told == []
+    simulation.paused = True
+    run.order('step')
+    assert told == [run.session.world.tick] == [simulation.schedule.stride]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Connects a run and the page: makes snapshots of the run, carries out the page's orders."""
 
+from collections.abc import Callable
 import dataclasses
 from functools import partial
 import math
@@ -29,7 +30,7 @@ from wasd_core.timing import HELD, RELEASE, split_event
 from wasd_bringup.page.restart import page_port, Restart
 from wasd_bringup.page.robot_view import RobotView
 from wasd_bringup.robots import load_class
-from wasd_bringup.run.inputs import TWIST_RATE
+from wasd_bringup.run.inputs import E_STOP_KEY, END_E_STOP_KEY, RESET_KEY, TWIST_RATE
 from wasd_bringup.run.report import SAMPLE_PERIOD
 from wasd_bringup.run.robot import Robot, Velocity
 from wasd_bringup.run.run import Run
@@ -189,15 +190,15 @@ class CockpitBridge:
         if order.what == 'key':
             run.press(order.name, 'page')
         elif order.what == 'e-stop':
-            run.e_stop('page')
-        elif order.what == 'end e-stop':
-            run.end_e_stop()
+            run.press(E_STOP_KEY, 'page')
+        elif order.what == 'end e-stop' and self._active.robot.drivers.stopped_by:
+            self._press_or(END_E_STOP_KEY, run.end_e_stop)
         elif order.what == 'pause':
             simulation.paused = bool(order.value)
         elif order.what == 'step' and simulation.paused:
-            simulation.advance(simulation.schedule.stride)
+            simulation.step(simulation.schedule.stride)
         elif order.what == 'reset':
-            simulation.reset()
+            self._press_or(RESET_KEY, simulation.reset)
         elif order.what == 'robot':
             run.switch_to([robot.name for robot in run.robots].index(order.name))
         elif order.what == 'speed' and math.isfinite(order.value):
@@ -213,6 +214,13 @@ class CockpitBridge:
             setting, _, option = order.name.partition('=')
             for key in self._active.view.keys_to_choose(setting, option):
                 run.press(key, 'page')
+
+    def _press_or(self, key: str, do: Callable[[], None]) -> None:
+        """Press a key of the run, which saves it; where a keymap took it, do what it says."""
+        if key in self._active.robot.own_keys:
+            do()
+        else:
+            self._run.press(key, 'page')
 
     def _navigate(self, order: Order) -> None:
         """Do what is asked of the navigator, if there is one."""

@@ -221,10 +221,17 @@ class Go2(Robot):
         """Return the states with keys."""
         controller = self.legs.controller
         return tuple(
-            StateChoice(key, state.value, state.value == self.state, controller.refusal(key))
+            StateChoice(key, state.value, state.value == self.state, self._refusal_of(key))
             for key, state in STATE_KEYS.items()
             if controller.has_policy or state is not StateName.POLICY
         )
+
+    def _refusal_of(self, key: str) -> str:
+        """Return why a state's key does nothing now; '' if it does something."""
+        controller = self.legs.controller
+        if key in controller.words.elsewhere and not key.isdigit():
+            return f"the key {self.named(key)} is the preset's"
+        return controller.refusal(key)
 
     def command(self, velocity: Velocity, age: float = 0.0) -> None:
         """Give the controller a velocity [m/s], [m/s], [rad/s] of any source."""
