@@ -100,7 +100,8 @@ class LimitParameters(Parameters):
         float('nan'),
         name='accel_limit',
         unit='m/s^2',
-        doc='Largest change of the speed of a wheel: in place of the accelerations above',
+        doc='Largest change of the speed of a wheel by either axis, so twice that by both: in '
+        'place of the accelerations above',
         minimum=LEAST,
         maximum=1e3,
         nan='not used',
@@ -115,11 +116,11 @@ class LimitParameters(Parameters):
         return self._limits('angular', 2.0 * self.accel_limit / wheel_separation)
 
     def _limits(self, axis: str, accel_limit: float) -> AxisLimits:
-        if accel_limit > 0.0:  # not NaN
-            fastest, slowest = (getattr(self, f'{axis}_{end}_velocity') for end in ('max', 'min'))
-            return AxisLimits.from_signed(fastest, slowest, accel_limit)
         names = [field.name for field in fields(LimitParameters) if field.name.startswith(axis)]
         signed = {name.removeprefix(f'{axis}_'): getattr(self, name) for name in names}
+        if accel_limit > 0.0:  # not NaN
+            kept = {name: signed[name] for name in signed if 'celeration' not in name}
+            return AxisLimits.from_signed(max_acceleration=accel_limit, **kept)
         return AxisLimits.from_signed(**signed)
 
 

@@ -6,6 +6,7 @@ from diff_drive_sim.drive import DiffDriveController
 from diff_drive_sim.limits import Velocity
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.parameters import DiffDriveParameters
+import numpy as np
 import pytest
 
 DT = 0.005
@@ -278,6 +279,20 @@ def test_a_limit_of_jerk_makes_the_stop_after_the_time_out_smooth_too(geometry):
     assert speeds[-1] == 0.0
     assert max(map(abs, jerks)) <= 2.0 + 1e-6
     assert min(slopes) == pytest.approx(-0.5)
+
+
+def test_an_accel_limit_keeps_the_limits_of_jerk(geometry):
+    parameters = replace(
+        LIMITS, accel_limit=1.0, linear_max_jerk=2.0, angular_max_jerk=3.0, angular_min_jerk=-4.0
+    )
+    controller = DiffDriveController(geometry, parameters)
+    controller.command(0.5, 1.0)
+    velocities = np.array([(0.0, 0.0), *run(controller, 0.4)])
+    jerks = np.diff(velocities, 2, axis=0, prepend=[(0.0, 0.0)]) / DT**2
+    assert jerks[:, 0].max() == pytest.approx(2.0)
+    assert jerks[:, 1].max() == pytest.approx(3.0)
+    assert parameters.linear_limits().slow_down == 1.0
+    assert parameters.angular_limits(0.4).fall == 4.0
 
 
 def test_a_change_of_limits_on_a_ramp_keeps_speed_and_acceleration(geometry):
