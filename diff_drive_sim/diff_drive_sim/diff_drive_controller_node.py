@@ -39,6 +39,7 @@ from wasd_core.topics import (
     TfBroadcaster,
     VelocitySubscription,
 )
+from wasd_core.velocity_messages import stamped, to_twist
 
 from diff_drive_sim.controller_file import (
     ALIASES,
@@ -48,7 +49,7 @@ from diff_drive_sim.controller_file import (
     UNUSED,
 )
 from diff_drive_sim.drive import Controller, DiffDrive
-from diff_drive_sim.messages import from_pose, to_twist_stamped
+from diff_drive_sim.messages import from_pose
 from diff_drive_sim.odometry import DiffDriveError, PlanarCovariance
 from diff_drive_sim.parameters import diff_drive_controller, DiffDriveParameters
 
@@ -180,7 +181,8 @@ class DiffDriveControllerNode(Node):
             self._tf.send([to_base_transform(self.unit.odometry, *self.frames, stamp)])
         if self._limited is not None:
             frame = self.settings.base_frame_id
-            self._limited.publish(to_twist_stamped(self.controller.velocity, stamp, frame))
+            linear, angular = self.controller.velocity
+            self._limited.publish(stamped(to_twist(linear, 0.0, 0.0, angular), stamp, frame))
         if self._names and has_listener(self._wheel_states):
             repeat = len(self._names) // 2
             positions, velocities = (

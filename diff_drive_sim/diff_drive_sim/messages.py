@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Velocities as messages, and a pose from one."""
+"""A pose from a message."""
 
 import math
 
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped
 
-from diff_drive_sim.limits import Velocity
 from diff_drive_sim.odometry import DiffDriveError, PlanarCovariance
 
 
@@ -30,12 +28,3 @@ def from_pose(
         raise DiffDriveError('wanted a pose of finite numbers and an orientation that is not 0')
     yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
     return position.x, position.y, yaw, PlanarCovariance(c[0], c[1], c[7], c[5], c[11], c[35])
-
-
-def to_twist_stamped(velocity: Velocity, stamp: Time, frame: str) -> TwistStamped:
-    """Return a velocity of the base frame."""
-    message = TwistStamped()
-    message.header.stamp = stamp
-    message.header.frame_id = frame
-    message.twist.linear.x, message.twist.angular.z = velocity
-    return message

@@ -5,7 +5,6 @@ from functools import partial
 import sys
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Twist
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import load_robot
@@ -24,9 +23,9 @@ from wasd_core.topics import (
     AbsenceWatch,
     EVENTS,
     LATCHED,
-    LoopbackSubscription,
     RELIABLE,
     SENSOR_DATA,
+    VelocitySubscription,
 )
 
 from policy_player.joint_controller import JointController, State, STATE_KEYS
@@ -68,9 +67,7 @@ class PolicyPlayerNode(Node):
         self._told = ''
         self._absence = AbsenceWatch(self, self._on_return)
         self.create_subscription(String, 'keys', self._on_key, EVENTS)
-        self._cmd_vel = LoopbackSubscription(
-            self, Twist, 'cmd_vel', self._on_twist, is_stale=self._absence.is_stale
-        )
+        self._cmd_vel = VelocitySubscription(self, self._on_velocity, self._absence.is_stale)
         self.create_subscription(Imu, 'imu/data', self._on_imu, SENSOR_DATA)
         self.create_subscription(JointState, 'joint_states', self._on_joints, SENSOR_DATA)
         self.create_service(Trigger, '~/e_stop', self._on_e_stop)
@@ -117,10 +114,10 @@ class PolicyPlayerNode(Node):
         if is_press(key) and key in STATE_KEYS and (said := self.controller.press(key)):
             self._warn(said)
 
-    def _on_twist(self, message: Twist) -> None:
-        velocity = message.linear.x, message.linear.y, message.angular.z
+    def _on_velocity(self, velocity: tuple[float, float, float], age: float) -> bool:
         if refused := self.controller.command(velocity):
             self._warn(refused)
+        return True
 
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.controller.let_go('emergency stop: motors damp')

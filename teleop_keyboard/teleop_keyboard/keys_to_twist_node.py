@@ -11,11 +11,12 @@ from std_msgs.msg import String
 from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.topics import EVENTS, LoopbackSubscription, PublisherWatch, watch_types
+from wasd_core.velocity_messages import to_twist
 
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL, Velocity
 from teleop_keyboard.parameters import keys_to_twist, TeleopParameters
-from teleop_keyboard.twist_messages import to_twist, TwistOutput
+from teleop_keyboard.twist_messages import TwistOutput
 
 # The zero that ends it all is sent this often, and may take this long to leave [s].
 LAST_ZEROS = 3
@@ -120,7 +121,7 @@ class KeysToTwistNode(Node):
         return self.create_timer(1.0 / self.logic.rate, self._on_timer)
 
     def _send(self, velocity: Velocity) -> None:
-        self.output.publish(to_twist(velocity))
+        self.output.publish(to_twist(*velocity))
 
 
 def main(args: Sequence[str] | None = None) -> int:

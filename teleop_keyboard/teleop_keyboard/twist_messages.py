@@ -11,6 +11,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from visualization_msgs.msg import Marker
 from wasd_core.topics import RELIABLE
+from wasd_core.velocity_messages import stamped
 
 from teleop_keyboard.keys_to_twist import Velocity
 
@@ -19,19 +20,9 @@ MARKER_HEIGHT = 2.0
 MARKER_WIDTH = 0.1
 
 
-def to_twist(velocity: Velocity) -> Twist:
-    """Return the message of a velocity; rolling and pitching are zero."""
-    message = Twist()
-    message.linear.x = velocity.vx
-    message.linear.y = velocity.vy
-    message.linear.z = velocity.vz
-    message.angular.z = velocity.wz
-    return message
-
-
 def from_twist(message: Twist | TwistStamped) -> Velocity:
     """Return the velocity of a message, without rolling and pitching."""
-    twist = message.twist if isinstance(message, TwistStamped) else message
+    twist = getattr(message, 'twist', message)
     return Velocity(twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z)
 
 
@@ -87,11 +78,8 @@ class TwistOutput:
 
     def publish(self, twist: Twist) -> None:
         """Publish a velocity; a stamp is the node's time."""
-        message: Any = twist
-        if self.type is TwistStamped:
-            message = TwistStamped(twist=twist)
-            message.header.stamp = self._node.get_clock().now().to_msg()
-            message.header.frame_id = self._frame_id()
+        now = self._node.get_clock().now().to_msg() if self.type is TwistStamped else None
+        message = stamped(twist, now, self._frame_id())
         for receiver in self.receivers:
             receiver(message)
         self._publisher.publish(message)

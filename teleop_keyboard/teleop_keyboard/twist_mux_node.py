@@ -115,7 +115,7 @@ class TwistMuxNode(Node):
             self._on_twist(name, message)
 
     def _on_twist(self, name: str, message: Twist | TwistStamped) -> None:
-        twist = message.twist if isinstance(message, TwistStamped) else message
+        twist = getattr(message, 'twist', message)
         if not is_finite(twist):
             self.get_logger().warning(f'{name}: velocity is not finite: ignored', once=True)
             return

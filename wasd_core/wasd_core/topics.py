@@ -24,6 +24,7 @@ from rclpy.serialization import serialize_message
 
 from wasd_core.network import is_sourced
 from wasd_core.timing import Absence
+from wasd_core.velocity_messages import to_velocity, VELOCITY_TYPES
 
 # Publishers of sensors, states, odometry, /clock; both ends of commands. Reliable, 10 deep.
 RELIABLE = QoSProfile(depth=10)
@@ -283,7 +284,6 @@ def take_all(subscription: Any, message_type: type[Message]) -> list[tuple[Messa
     return found
 
 
-VELOCITY_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 # How often peers of the other type are looked for [s, wall time].
 TYPES_PERIOD = 0.5
 
@@ -344,9 +344,5 @@ class VelocitySubscription(LoopbackSubscription[Any]):
         watch_types(node, self.type, 'cmd_vel')
 
     def _deliver(self, message: Any) -> bool:
-        twist: Twist = message
-        age: float | None = 0.0
-        if isinstance(message, TwistStamped):
-            twist, age = message.twist, self._age_of(message.header.stamp)
-        velocity = twist.linear.x, twist.linear.y, twist.angular.z
-        return age is not None and self.on_velocity(velocity, age)
+        age = self._age_of(message.header.stamp) if self.type is TwistStamped else 0.0
+        return age is not None and self.on_velocity(to_velocity(message), age)

@@ -17,10 +17,11 @@ from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import Watchdog
 from wasd_core.topics import LATCHED, RELIABLE, SENSOR_DATA, tf_message_type, TF_STATIC
+from wasd_core.velocity_messages import stamped, to_twist, to_velocity
 
 from wasd_navigation.guard import Guard, GuardSenses, warm_up
 from wasd_navigation.guard_parameters import guard, GuardNodeParameters
-from wasd_navigation.messages import take_fixed_frames, take_scan, to_velocity
+from wasd_navigation.messages import take_fixed_frames, take_scan
 
 # A command is looked at again so often [s] while it is in force: no longer than this without
 # another one [s], as controllers forget it then.
@@ -99,8 +100,7 @@ class GuardNode(Node):
         return guarded.velocity
 
     def _on_velocity(self, message: Any) -> None:
-        twist = message.twist if self._is_stamped else message
-        self._asked = np.array((twist.linear.x, twist.linear.y, twist.angular.z))
+        self._asked = np.array(to_velocity(message))
         if self._is_stamped:
             self._base_frame = message.header.frame_id
         self._pass_time()
@@ -110,7 +110,8 @@ class GuardNode(Node):
 
     def _publish(self, velocity: np.ndarray) -> None:
         stamp = self.get_clock().now().to_msg() if self._is_stamped else None
-        self._out.publish(to_velocity(velocity, stamp, self._base_frame))
+        vx, vy, wz = velocity.tolist()
+        self._out.publish(stamped(to_twist(vx, vy, 0.0, wz), stamp, self._base_frame))
 
     def _on_odometry(self, message: OdometryMessage) -> None:
         now = to_seconds(message.header.stamp)

@@ -6,13 +6,7 @@ import math
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import (
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    TransformStamped,
-    Twist,
-    TwistStamped,
-)
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 import numpy as np
 from rclpy.node import Node
@@ -61,17 +55,6 @@ def take_fixed_frames(message: Any, senses: Senses) -> None:
             senses.warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
             continue
         senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
-
-
-def to_velocity(velocity: np.ndarray, stamp: Time | None, frame: str) -> Twist | TwistStamped:
-    """Return a velocity, shape (3,), of the base's frame; without a stamp a plain Twist."""
-    twist = Twist()
-    twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
-    if stamp is None:
-        return twist
-    message = TwistStamped(twist=twist)
-    message.header.stamp, message.header.frame_id = stamp, frame
-    return message
 
 
 def to_pose(planar: np.ndarray, message: Any) -> Any:

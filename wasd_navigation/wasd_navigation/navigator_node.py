@@ -27,15 +27,10 @@ from wasd_core.topics import (
     tf_message_type,
     TF_STATIC,
 )
+from wasd_core.velocity_messages import stamped, to_twist
 
 from wasd_navigation.actions import FollowWaypoints, NavigateToPose
-from wasd_navigation.messages import (
-    from_pose,
-    NavigationPublisher,
-    take_fixed_frames,
-    take_scan,
-    to_velocity,
-)
+from wasd_navigation.messages import from_pose, NavigationPublisher, take_fixed_frames, take_scan
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import read_covariance, to_planar
 from wasd_navigation.parameters import navigator, NavigatorParameters
@@ -154,7 +149,10 @@ class NavigatorNode(Node):
 
     def _publish_velocity(self, velocity: np.ndarray) -> None:
         stamp = self.get_clock().now().to_msg() if self.settings.stamped else None
-        self._velocity.publish(to_velocity(velocity, stamp, self.navigation.base_frame))
+        vx, vy, wz = velocity.tolist()
+        self._velocity.publish(
+            stamped(to_twist(vx, vy, 0.0, wz), stamp, self.navigation.base_frame)
+        )
 
     def _on_odometry(self, message: OdometryMessage) -> None:
         """Take odometry whose stamp may be missing or wrong."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import functools
 from typing import Any
 
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.logging import LoggingSeverity
@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.messages import to_stamp
 from wasd_core.topics import EVENTS, LATCHED, LoopbackSubscription, RELIABLE, VelocitySubscription
+from wasd_core.velocity_messages import stamped, to_twist
 
 from wasd_bringup.run.mbot import Mbot
 from wasd_bringup.run.robot import FullVelocity, Robot
@@ -97,9 +98,7 @@ class ControllerFace:
         self._twists.publish(message)
 
     def _to_message(self, told: FullVelocity) -> Any:
-        twist = Twist()
-        twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z = told
-        return twist
+        return to_twist(*told)
 
 
 def _plain_node(robot: Robot) -> Any:
@@ -183,13 +182,9 @@ class WheelsFace(ControllerFace):
             schedule.at_rate('diagnostic_rate', rate, self.node.publish_diagnostics)
 
     def _to_message(self, told: FullVelocity) -> Any:
-        twist = super()._to_message(told)
-        if not self.node.settings.stamped:
-            return twist
-        message = TwistStamped(twist=twist)
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        message.header.frame_id = self.node.settings.base_frame_id
-        return message
+        settings = self.node.settings
+        now = self.node.get_clock().now().to_msg() if settings.stamped else None
+        return stamped(to_twist(*told), now, settings.base_frame_id)
 
 
 class JointsFace(ControllerFace):

@@ -20,6 +20,7 @@ from wasd_core.network import LOOPBACK
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
+from wasd_core.velocity_messages import to_velocity
 
 from wasd_bringup.ros.foxglove_gate import Gate, secret_host
 from wasd_bringup.ros.foxglove_inbox import Inbox, Sender, Target
@@ -50,9 +51,7 @@ def read_velocity(sender: Sender, data: bytes) -> Velocity:
     Raises:
         UserError: it is no such message.
     """
-    message = _read(sender, data, (Twist, TwistStamped))
-    twist = message.twist if isinstance(message, TwistStamped) else message
-    return twist.linear.x, twist.linear.y, twist.angular.z
+    return to_velocity(_read(sender, data, (Twist, TwistStamped)))
 
 
 def read_key(sender: Sender, data: bytes) -> str:

@@ -12,7 +12,6 @@ import struct
 import tempfile
 from typing import Any, BinaryIO, NamedTuple
 
-from geometry_msgs.msg import Twist, TwistStamped
 from mcap.exceptions import EndOfFile
 from mcap.reader import FOOTER_SIZE, make_reader
 from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
@@ -23,6 +22,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from teleop_keyboard.keymap_file import preset_names
 from wasd_core.errors import one_line, UserError
+from wasd_core.velocity_messages import to_velocity, VELOCITY_TYPES
 
 from wasd_bringup.robots import BOTH, ROBOTS, UNITREE_PRESET, WHEELED
 from wasd_bringup.run.inputs import box_text, Command, parse_box, parse_push, push_text
@@ -267,10 +267,6 @@ KEYS = 'keys'
 VELOCITIES = 'cmd_vel'
 DESCRIPTION = 'robot_description'
 TRUTH = 'ground_truth/odom'
-TWISTS: dict[str, Any] = {
-    'geometry_msgs/msg/Twist': Twist,
-    'geometry_msgs/msg/TwistStamped': TwistStamped,
-}
 
 
 def robot_topics(bag: BagReader, name: str) -> dict[str, str]:
@@ -302,9 +298,8 @@ def read_commands(bag: BagReader) -> tuple[Command, ...]:
     for message in bag.messages([*keys, *velocities, EVENTS]):
         time = 1e-9 * message.time
         if message.topic in velocities:
-            twist = deserialize_message(message.data, TWISTS[message.kind])
-            twist = getattr(twist, 'twist', twist)
-            velocity = twist.linear.x, twist.linear.y, twist.angular.z
+            twist = deserialize_message(message.data, VELOCITY_TYPES[message.kind])
+            velocity = to_velocity(twist)
             commands.append(Command(time, velocities[message.topic], velocity=velocity))
         else:
             text = deserialize_message(message.data, String).data

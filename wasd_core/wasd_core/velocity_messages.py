@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Velocities as Twist and TwistStamped, and back."""
+
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Twist, TwistStamped
+from std_msgs.msg import Header
+
+VELOCITY_TYPES: dict[str, type[Any]] = {
+    'geometry_msgs/msg/Twist': Twist,
+    'geometry_msgs/msg/TwistStamped': TwistStamped,
+}
+
+
+def to_twist(vx: float, vy: float, vz: float, wz: float) -> Twist:
+    """Return a velocity [m/s], [rad/s] as a message; rolling and pitching are zero."""
+    message = Twist()
+    message.linear.x, message.linear.y, message.linear.z, message.angular.z = vx, vy, vz, wz
+    return message
+
+
+def stamped(twist: Twist, stamp: Time | None, frame: str) -> Twist | TwistStamped:
+    """Return a twist as TwistStamped; without a stamp as it is."""
+    if stamp is None:
+        return twist
+    return TwistStamped(header=Header(stamp=stamp, frame_id=frame), twist=twist)
+
+
+def to_velocity(message: Twist | TwistStamped) -> tuple[float, float, float]:
+    """Return vx, vy [m/s], wz [rad/s] of a message."""
+    twist = getattr(message, 'twist', message)
+    return twist.linear.x, twist.linear.y, twist.angular.z
