@@ -14,6 +14,7 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
+from robot_description.mujoco.geoms import VISUAL_GROUP
 import wasd
 from wasd_core.rotations import matrix_from_quaternion
 
@@ -144,6 +145,23 @@ def test_a_lidar_on_a_head_that_turns_turns_with_it(tmp_path, make):
     # From (0.1, 0.1) / sqrt(2), at 135 degrees to the wall at y = 3 or x = -3.
     reach = (3.0 - 0.1 / math.sqrt(2.0)) * math.sqrt(2.0)
     assert lidar.true_ranges()[0] == pytest.approx(reach, abs=1e-6)
+
+
+def test_a_link_whose_visual_mesh_is_missing_is_seen_also_where_it_is_drawn(tmp_path, make):
+    mast = (
+        '<link name="mast"><visual><geometry><mesh filename="package://none/mast.stl"/></geometry>'
+        '</visual><collision><geometry><box size="0.4 0.1 0.4"/></geometry></collision></link>'
+        '<joint name="mast_joint" type="fixed"><parent link="base"/><child link="mast"/>'
+        '<origin xyz="0 1 0.2"/></joint></robot>'
+    )
+    path = tmp_path / 'pan.urdf'
+    path.write_text(HEAD.replace('</robot>', mast))
+    robot = load_robot(str(path))
+    for visuals in (False, True):
+        world = build_world(robot, 'room', visuals=visuals)
+        lidar = make(world, robot, samples=1, min_angle=0.0, max_angle=0.0)
+        assert lidar.true_ranges()[0] == pytest.approx(0.95)
+        assert (world.model.geom_group == VISUAL_GROUP).sum() == visuals
 
 
 @pytest.fixture(scope='module')

@@ -159,7 +159,23 @@ def add_geoms(
             colliding.append(geom)
     if not is_whole:
         for geom in colliding:
-            geom.group = VISUAL_GROUP
+            _draw(body, geom)
+
+
+def _draw(body: mujoco.MjsBody, geom: mujoco.MjsGeom) -> None:
+    """Draw what collides; rays go on seeing the geom itself, and not what is drawn."""
+    body.add_geom(
+        type=geom.type,
+        size=geom.size,
+        pos=geom.pos,
+        quat=geom.quat,
+        meshname=geom.meshname,
+        rgba=geom.rgba,
+        group=VISUAL_GROUP,
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+    )
 
 
 def _add_geom(
