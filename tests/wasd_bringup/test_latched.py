@@ -300,6 +300,22 @@ def test_esc_is_the_e_stop_and_nothing_else_also_where_a_keymap_names_it(tmp_pat
     run.close()
 
 
+def test_enter_releases_a_stop_also_where_a_keymap_names_it(tmp_path):
+    preset = tmp_path / 'mine.yaml'
+    preset.write_text(KEYMAP.replace('ESC: [-1, 0, 0]', 'ENTER: [-1, 0, 0]'))
+    run = Run(
+        RunOptions(robot='mbot', description='mbot', preset=str(preset), speed=0.0, latched=True)
+    )
+    run.press('ESC')
+    assert run.robot.status().message == 'ENTER releases E-STOP (by the keys)'
+    run.press('ENTER')
+    assert not run.robot.drivers.stopped_by
+    assert not any(run.robot.drivers.held('keys'))
+    run.press('ENTER')
+    assert run.robot.drivers.state.driver == 'keys'
+    run.close()
+
+
 @pytest.mark.parametrize(('by', 'goes_on'), [('page', False), ('script', True)])
 def test_an_e_stop_ends_a_script_of_keys_unless_it_is_the_script_s_own(by, goes_on):
     # The key counts again after a silence.

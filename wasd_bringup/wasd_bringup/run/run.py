@@ -411,11 +411,11 @@ class Run:
     def _is_for_the_run(self, key: str) -> bool:
         """Handle a key of the run itself; False for any other key."""
         robot = self.robot
-        if key in robot.own_keys:
-            return False
         if key == END_E_STOP_KEY and robot.drivers.stopped_by:
             self.end_e_stop()
             return True
+        if key in robot.own_keys:
+            return False
         if key == RESET_KEY:
             # As by the simulator's service: once for the world, and a recording knows of it.
             self.simulation.reset()
