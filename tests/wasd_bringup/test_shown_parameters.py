@@ -16,17 +16,17 @@ UNTOLD = Untold(friction=0.3, payload=Payload(0.1, (0.05, 0.0, 0.02)))
 
 @pytest.fixture
 def run_with(request, isolated_ros):
-    """Return a function that makes a run of mbot with parameters after --ros-args."""
+    """Return a function that makes a run with parameters after --ros-args."""
 
-    def make(untold=UNTOLD, **parameters):
+    def make(robot='mbot', preset='mbot', untold=UNTOLD, **parameters):
         words = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
         init_ros(['--ros-args', *words])
         request.addfinalizer(rclpy.try_shutdown)
         run = make_ros_run(
             RunOptions(
-                robot='mbot',
-                description='mbot',
-                preset='mbot',
+                robot=robot,
+                description=robot,
+                preset=preset,
                 speed=0.0,
                 lidar='a1',
                 untold=untold,
@@ -51,15 +51,21 @@ def test_who_says_the_same_or_nothing_in_particular_sees_it_too(run_with):
 
 
 @pytest.mark.parametrize(
-    ('name', 'value', 'cure'),
+    ('robot', 'name', 'value', 'cure'),
     [
-        ('friction', 0.1, 'leave it out, or say --friction'),
-        ('lidar', 'ideal', 'leave it out, or say --lidar'),
-        ('imu_drift', 2.0, 'leave it out, or say --imu-drift'),
-        ('hoist', 'true', 'leave it out'),
-        ('payload', "'3'", 'leave it out, or say --payload'),
+        ('mbot', 'friction', 0.1, 'leave it out, or say --friction'),
+        ('mbot', 'lidar', 'ideal', 'leave it out, or say --lidar'),
+        ('go2', 'imu_drift', 2.0, 'leave it out, or say --imu-drift'),
+        ('mbot', 'imu_drift', 2.0, 'leave it out'),
+        ('g1', 'randomise', 0.5, 'leave it out'),
+        ('both', 'imu_drift', 2.0, 'leave it out, or say --imu-drift'),
+        ('both', 'payload', "'3'", 'leave it out'),
+        ('mbot', 'hoist', 'true', 'leave it out'),
+        ('mbot', 'payload', "'3'", 'leave it out, or say --payload'),
     ],
 )
-def test_what_would_be_without_effect_is_refused_with_the_option(run_with, name, value, cure):
+def test_what_would_be_without_effect_is_refused_with_the_option_that_the_command_has(
+    run_with, robot, name, value, cure
+):
     with pytest.raises(UserError, match=f'^simulator: {name} has no effect in a run: {cure}$'):
-        run_with(**{name: value})
+        run_with(robot, 'wasd', **{name: value})

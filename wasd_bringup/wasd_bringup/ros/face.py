@@ -51,7 +51,8 @@ class RosFace:
     keys to velocities, state publisher, key publisher, drivers.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, command: str) -> None:
+        """Take a robot, and the command that runs it: its words are named."""
         self.robot = robot
         options, world = robot.options, robot.world
         names = ('description', 'world', 'seed', 'speed', 'lidar')
@@ -64,7 +65,7 @@ class RosFace:
             sensors=robot.sensors,
             parameter_overrides=[Parameter(name, value=value) for name, value in built.items()],
         )
-        _refuse_vain(self.simulator)
+        _refuse_vain(self.simulator, command)
         self.controller: ControllerFace = load_class(robot.kind.face)(robot)
         self._states = StatePublisherNode(robot.description, prefix=world.prefix)
         self.keys = KeyPublisherNode(namespace=options.namespace)
@@ -122,7 +123,7 @@ class RosFace:
         self._static.send([to_transform(start, WORLD_FRAME, frame, TimeMessage())])
 
 
-def _refuse_vain(simulator: SimulatorNode) -> None:
+def _refuse_vain(simulator: SimulatorNode, command: str) -> None:
     """Refuse a parameter that is neither its default nor what the robot was built with."""
 
     def said(parameters: SimulatorParameters) -> dict[str, Any]:
@@ -135,8 +136,13 @@ def _refuse_vain(simulator: SimulatorNode) -> None:
     asked = usual.changed({name: given[name].value for name in default if name in given})
     for name, value in said(asked).items():
         if value not in (built[name], default[name]):
-            option = '' if name == 'hoist' else f', or say --{name.replace("_", "-")}'
-            raise UserError(f'simulator: {name} has no effect in a run: leave it out{option}')
+            # Here, because only a mistake needs it.
+            from wasd_bringup.cli.options import options_of
+
+            word = f'--{name.replace("_", "-")}'
+            has_it = any(option.word == word for option in options_of(command))
+            cure = f'leave it out{f", or say {word}" if has_it else ""}'
+            raise UserError(f'simulator: {name} has no effect in a run: {cure}')
 
 
 class RosFaces(Face):
@@ -153,7 +159,7 @@ class RosFaces(Face):
         foxglove: 'FoxgloveServer | None' = None,
     ) -> None:
         self._run, self._bag, self._foxglove = run, recorder, foxglove
-        self.faces = [RosFace(robot) for robot in run.robots]
+        self.faces = [RosFace(robot, run.options.robot) for robot in run.robots]
         self.nodes: list[Node] = [node for face in self.faces for node in face.nodes]
         self._pump = MessagePump()
         # Of the nodes that stamp by their clocks in any instant, and of those that do not.
