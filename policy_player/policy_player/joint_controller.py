@@ -2,6 +2,7 @@
 """Every joint of a robot by PD: limp, in a pose, or as a policy says; no ROS, no clock."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 import math
 
@@ -34,7 +35,15 @@ class State(StrEnum):
 
 # What a key leads to, and from where.
 STATE_KEYS = {'1': State.PASSIVE, '2': State.STAND, 'p': State.POLICY}
-NO_POLICY = 'give --policy FILE: there is no network to walk with'
+
+
+@dataclass(frozen=True)
+class Means:
+    """What gives a network, raises a robot that has fallen, and puts it back: of nodes alone."""
+
+    policy: str = '-p policy:=FILE'
+    hoist: str = '/simulator/hoist'
+    reset: str = '/simulator/reset'
 
 
 class JointController:
@@ -56,6 +65,7 @@ class JointController:
             PolicyError: the policy is another robot's, or wants to know what this one does not.
         """
         self.joints, self._player = tuple(joints), player
+        self.means = Means()  # who has others says so
         self._theirs = np.arange(0)
         self._stand = JointTargets(*(np.array(part, dtype=float) for part in stand))
         ranges = player.ranges if player is not None else None
@@ -123,7 +133,7 @@ class JointController:
         wanted = STATE_KEYS[key]
         if wanted is State.POLICY:
             if not self.has_policy:
-                return NO_POLICY
+                return self._no_policy
             if self.hindrance:
                 return self.hindrance
             if self.state is State.PASSIVE:
@@ -131,8 +141,13 @@ class JointController:
             if self._settled < SETTLE_TIME and self.state is State.STAND:
                 return 'press p again in a second: it still goes to its pose'
         if wanted is State.STAND and self.is_fallen:
-            return 'press h to raise it by the hoist, or BACKSPACE (it has fallen)'
+            means = self.means
+            return f'raise it by {means.hoist}, or put it back by {means.reset} (it has fallen)'
         return ''
+
+    @property
+    def _no_policy(self) -> str:
+        return f'give {self.means.policy}: there is no network to walk with'
 
     def press(self, key: str) -> str:
         """Take a state key; return what is to be said to it."""
@@ -154,7 +169,8 @@ class JointController:
             if not any(velocity):
                 return ''
             first = '' if self.state is State.STAND else '2, then '
-            return f'press {first}p to walk (it is {self.state})' if self._player else NO_POLICY
+            walk = f'press {first}p to walk (it is {self.state})'
+            return walk if self.has_policy else self._no_policy
         self._asked = np.clip(velocity, self._low, self._high)
         self._age.hear()
         return ''
@@ -209,7 +225,7 @@ class JointController:
             self.is_fallen = True
             if self.state is not State.PASSIVE:
                 self.let_go(
-                    'fallen: h raises it by the hoist, BACKSPACE puts it back '
+                    f'fallen: {self.means.hoist} raises it, {self.means.reset} puts it back '
                     f'(motors damp beyond a tilt of {math.degrees(FALL_TILT):.0f} deg)'
                 )
 

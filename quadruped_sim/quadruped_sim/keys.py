@@ -261,13 +261,14 @@ class KeyWords:
 
     `drive` is the state in which the keys drive; `elsewhere` are keys that somebody else takes.
     `reset_key` puts a fallen robot on its feet and `help_key` shows the keys; '' where none does.
-    `name` returns what the driver's keyboard calls a key.
+    `policy` is what gives a network, `name` returns what the driver's keyboard calls a key.
     """
 
     drive: StateName = StateName.TROTTING
     elsewhere: frozenset[str] = frozenset()
     reset_key: str = ''
     help_key: str = ''
+    policy: str = '-p policy:=FILE'
     name: Callable[[str], str] = str
 
     def to_fallen(self, obstacle: str = '') -> str:
@@ -291,6 +292,10 @@ class KeyWords:
         if is_fallen:
             return self.to_fallen(obstacle)
         return f'{self._press(StateName.PASSIVE, StateName.FIXED_STAND)} (passive: {event})'
+
+    def to_no_policy(self) -> str:
+        """Return how there is a policy."""
+        return f'start with {self.policy} (there is no policy to play)'
 
     def to_velocity(self, state: StateName) -> str:
         """Return what to press so that velocity commands drive."""

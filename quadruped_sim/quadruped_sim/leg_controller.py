@@ -54,8 +54,7 @@ from quadruped_sim.tuning import JumpParameters
 
 _UP = np.array((0.0, 0.0, 1.0))
 _NO_FOOT = np.zeros(4)
-# Answers to the key p without a policy, and to v on a robot that can hardly lift itself.
-NO_POLICY = 'start with --policy FILE (there is no policy to play)'
+# Answer to the key v on a robot that can hardly lift itself.
 NO_JUMP = 'motors too weak or too slow to jump'
 # States in which its feet tell how the ground rises on its way.
 # States that need no fresh readings, and keys that lead to them.
@@ -304,7 +303,7 @@ class LegController:
             return self.words.to_fallen(self.obstacle)
         state, meant = self._machine.coming, self._meaning(key)
         if STATE_KEYS[meant] is StateName.POLICY and not self.has_policy:
-            return NO_POLICY
+            return self.words.to_no_policy()
         if STATE_KEYS[meant] is StateName.JUMP and not self._can_jump:
             return NO_JUMP
         if self.hindrance and meant not in _HELD_KEYS:

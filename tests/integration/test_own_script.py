@@ -188,6 +188,9 @@ def test_what_is_not_legal_says_why():
     with pytest.raises(wasd.UserError, match='wanted a time > 0'):
         dog.push((50.0, 0.0, 0.0), -1.0)
     assert 'press 2' in dog.press('w')
+    with pytest.raises(wasd.UserError, match='^start with policy=FILE '):
+        dog.press('p')
+    assert dog.press('x') == "keys: 0-9, v, wasd, ijkl, n, e ('x' does nothing)"
 
 
 def test_a_key_that_changes_nothing_is_no_mistake():

@@ -5,6 +5,7 @@ import numpy as np
 from policy_files import constant, layers, mjlab, onnx
 from policy_player.stands import G1_JOINTS, g1_stand
 import pytest
+from teleop_keyboard.keymap_file import preset_names
 from terminals import wait_until
 import wasd
 from wasd_bringup.page.bridge import CockpitBridge
@@ -87,7 +88,7 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
     lowest, tilt = pass_time(run, 3.0)
     assert (robot.state, robot.status().state) == ('passive', 'fallen')
     assert lowest < 0.4
-    assert robot.notice.text.startswith('fallen: h raises it by the hoist')
+    assert robot.notice.text.startswith('fallen: h raises it, BACKSPACE puts it back')
     run.press('2')
     assert robot.state == 'passive'
     run.press('h')
@@ -104,6 +105,31 @@ def test_it_is_held_stands_is_pushed_falls_is_raised_and_put_back(run_of):
     np.testing.assert_allclose(run.world.base().position, (0.0, 0.0, start), atol=1e-9)
     assert (robot.state, robot.hoist.is_on) == ('passive', True)
     assert pass_time(run, 0.5)[1] < 0.1
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_no_keymap_takes_the_key_of_the_hoist(run_of, preset):
+    if preset == 'go2':
+        words = '--preset go2: g1 needs the key h itself .hoist.: take another preset'
+        with pytest.raises(UserError, match=words):
+            run_of(preset=preset)
+    else:
+        run = run_of(preset=preset)
+        assert run.robot.hoist.is_on
+        run.press('h')
+        assert not run.robot.hoist.is_on
+
+
+@pytest.mark.parametrize(
+    ('given', 'words'),
+    [
+        ({'map': ''}, '--map: nothing estimates where g1 is'),
+        ({'guard': True}, '--guard: g1 has no controller that a guard can limit'),
+    ],
+)
+def test_what_it_cannot_do_is_refused_without_a_cure_that_is_none(run_of, given, words):
+    with pytest.raises(UserError, match=words):
+        run_of(**given)
 
 
 @pytest.mark.parametrize('limp', [0.5, 2.0])
@@ -234,6 +260,17 @@ def test_another_biped_is_held_and_moved_by_a_network_of_its_joints(run_of, tmp_
 def test_what_is_drawn_for_four_legs_is_refused():
     with pytest.raises(UserError, match='^randomise: a quadruped is wanted'):
         wasd.G1(untold=wasd.Untold(randomise=1.0))
+
+
+def test_each_cure_is_what_its_driver_has(run_of):
+    robot, script = run_of().robot, wasd.G1()
+    robot.controller.is_fallen = script._robot.controller.is_fallen = True
+    assert robot.controller.refusal('p').startswith('give --policy FILE:')
+    assert robot.controller.refusal('2').startswith('raise it by h, or put it back by BACKSPACE')
+    with pytest.raises(UserError, match='^give policy=FILE:'):
+        script.press('p')
+    with pytest.raises(UserError, match=r"^raise it by press\('h'\), or put it back by reset\(\)"):
+        script.press('2')
 
 
 def test_a_script_has_it_stand_and_driven(tmp_path):

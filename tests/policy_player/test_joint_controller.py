@@ -199,18 +199,22 @@ def test_beyond_the_tilt_it_damps_and_says_so_once(walking):
     command = run(walking, 0.1, tilted(FALL_TILT + 0.02))
     assert (walking.state, walking.is_fallen) == (State.PASSIVE, True)
     assert not command.kp.any()
-    assert walking.take_remark().startswith('fallen')
+    assert walking.take_remark().startswith(
+        'fallen: /simulator/hoist raises it, /simulator/reset puts it back'
+    )
     run(walking, 0.1, tilted(1.5))
     assert walking.take_remark() == ''
-    assert 'h to raise it' in walking.press('2')
+    assert walking.press('2') == (
+        'raise it by /simulator/hoist, or put it back by /simulator/reset (it has fallen)'
+    )
     run(walking, 0.1)
     assert walking.press('2') == ''
 
 
 def test_keys_say_what_to_press():
     controller = JointController(G1_JOINTS, g1_stand(G1_JOINTS))
-    assert controller.press('p').startswith('give --policy FILE')
-    assert controller.command((0.3, 0.0, 0.0)).startswith('give --policy FILE')
+    assert controller.press('p').startswith('give -p policy:=FILE')
+    assert controller.command((0.3, 0.0, 0.0)).startswith('give -p policy:=FILE')
     other = JointController(G1_JOINTS, g1_stand(G1_JOINTS), player_of(G1_JOINTS))
     assert other.press('p') == 'press 2 to stand, then p'
     assert other.command((0.3, 0.0, 0.0)) == 'press 2, then p to walk (it is passive)'

@@ -69,7 +69,7 @@ def test_without_a_network_a_g1_stands_and_refuses_to_walk(ros):
     controller = make_node().controller
     assert len(controller.joints) == 29
     assert controller.refusal('2') == ''
-    assert controller.press('p').startswith('give --policy FILE')
+    assert controller.press('p').startswith('give -p policy:=FILE')
 
 
 @pytest.mark.parametrize('topic', ['joint_states', 'imu/data'])

@@ -177,6 +177,11 @@ def test_an_illegal_key_is_explained_once(legs, peer, spawn, spin_until, capfd):
     assert legs.controller.state == 'passive'
 
 
+def test_without_a_policy_its_key_names_the_parameter_that_gives_one(legs):
+    said = legs.controller.press('p')
+    assert said == 'start with -p policy:=FILE (there is no policy to play)'
+
+
 def test_cmd_vel_needs_move_base_and_says_so_once(legs, peer, spawn, spin_until, capfd):
     for _ in range(3):
         peer.cmd_vel.publish(twist(0.5))

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from teleop_keyboard.keymap_file import preset_names
 from wasd_bringup.cli import main
 from wasd_bringup.robots import BOTH, RobotRow, ROBOTS, WHEELED
 from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
 from wasd_core.parameter_file import read_mapping
 
 pytestmark = pytest.mark.slow
@@ -51,6 +53,20 @@ def test_a_row_is_a_command_with_help(tug: RobotRow, capsys: pytest.CaptureFixtu
     assert 'keys of tug, --preset wasd' in text
     assert '--mode' in text
     assert '--estimator' not in text
+
+
+@pytest.mark.parametrize(
+    ('preset', 'layout'), [*((name, 'qwerty') for name in preset_names()), ('wasd', 'azerty')]
+)
+def test_the_help_of_a_quadruped_gives_no_key_of_the_keymap_another_meaning(
+    preset: str, layout: str
+) -> None:
+    run = Run(RunOptions(robot='go2', description='go2', preset=preset, layout=layout, speed=0.0))
+    keymap = run.robot.logic.keymap
+    ours = '   '.join(run.robot.help_lines[len(keymap.help_lines) : -1]).split('   ')
+    run.close()
+    assert {'2 stand', '1 passive', '0 9 8 tests'} <= set(ours)
+    assert not {part.split()[0] for part in ours} & set(keymap.keys)
 
 
 def test_a_robot_without_a_place_is_not_among_those_that_share_a_world(tug: RobotRow) -> None:

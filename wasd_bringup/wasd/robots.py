@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 from mujoco_sim.parameters import NOTHING, SimulatorParameters, Untold
 from mujoco_sim.pictures import take_picture, Viewpoint
-from quadruped_sim.keys import FOLLOWING, STATE_KEYS, StateName
+from quadruped_sim.keys import FOLLOWING, KeyWords, STATE_KEYS, StateName
 from quadruped_sim.states.policy import Walker
 from wasd_bringup.cli.options import LONGEST_RUN, read_folders
 from wasd_bringup.robots import G1 as G1_ROW
@@ -255,6 +255,7 @@ class Go2(Robot):
                 speed=0.0,
             )
         )
+        self._robot.legs.controller.words = KeyWords(policy='policy=FILE')
 
     @property
     def odometry(self) -> BaseOdometry:
@@ -351,6 +352,9 @@ class G1(Robot):
                 speed=0.0,
             )
         )
+        from policy_player.joint_controller import Means
+
+        self._robot.controller.means = Means('policy=FILE', "press('h')", 'reset()')
 
     @property
     def is_held(self) -> bool:

@@ -173,11 +173,17 @@ class Go2(Robot):
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
         lines = unitree_help(self.options.layout)
+        if self.logic is not None:
+            ours = map(self._without_own_keys, lines[:2])
+            return (*self.logic.keymap.help_lines, *ours, 'First 2, then 5, then drive.')
         if self.legs.controller.has_policy:
             lines = (*lines[:2], f'{self.named(POLICY)} policy, from the stand', *lines[2:])
-        if self.logic is None:
-            return lines
-        return (*self.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
+        return lines
+
+    def _without_own_keys(self, line: str) -> str:
+        """Return a line of help without the keys that the keymap takes: all but digits."""
+        gap, taken = '   ', {key for key in self.own_keys if not key.isdigit()}
+        return gap.join(part for part in line.split(gap) if part.split()[0] not in taken)
 
     @property
     def first_keys(self) -> str:
@@ -353,6 +359,7 @@ class Go2(Robot):
             elsewhere=frozenset(on_qwerty(key, self.options.layout) for key in keys),
             reset_key=RESET_KEY,
             help_key=HELP_KEY,
+            policy='--policy FILE',
             name=self.named,
         )
 

@@ -25,6 +25,7 @@ class RobotGuard:
     """
 
     def __init__(self, robot: Robot) -> None:
+        robot.hold_back(self._limit)  # first: without a controller to limit a lidar is no cure
         tag = lidar_of(robot.description.robot, '--guard')
         size = {'robot_radius': 0.0, 'footprint_length': 0.0, 'footprint_width': 0.0}
         footprint = footprint_of(*(size | size_of(robot)).values())
@@ -34,7 +35,6 @@ class RobotGuard:
         self._senses = GuardSenses(self.unit)
         self._asked: tuple[float, ...] | None = None
         self._stepped_at = self._passed_at = robot.world.time
-        robot.hold_back(self._limit)
         robot.guard_words = lambda: self.words
         robot.drivers.guard = lambda: self.action
         robot.simulation.on_reset.append(self._reset)

@@ -5,7 +5,7 @@ from mujoco_sim.hoist import Hoist
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.world import World
-from policy_player.joint_controller import JointController, State, STATE_KEYS
+from policy_player.joint_controller import JointController, Means, State, STATE_KEYS
 from policy_player.loading import load_policy
 from policy_player.stands import g1_stand, is_g1, stand_of
 from robot_description.description import Description
@@ -13,9 +13,11 @@ from robot_description.robot import Robot as RobotTree
 from teleop_keyboard.dashboard import driving_keys, Status
 from teleop_keyboard.keymap import on_qwerty
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.errors import UserError
 from wasd_core.robot_io import JointStates, LEG_RATE, Reading
 from wasd_core.timing import is_press, Notice, STOP_KEY
 
+from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample
 from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
@@ -31,11 +33,12 @@ class Legged(Robot):
     A hoist bears it from the start on.
 
     Raises:
-        UserError: no network walks it and its stand is not known, or the network is another
-            robot's.
+        UserError: no network walks it and its stand is not known, the network is another
+            robot's, or the keymap has a key of a state or of the hoist.
     """
 
     has_states = True
+    has_odometry = False
     camera = CameraView(distance=3.8, azimuth=130.0, elevation=-12.0)
     logic: KeysToTwist  # whatever the preset
 
@@ -43,9 +46,16 @@ class Legged(Robot):
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
         super().__init__(options, loaded, world, simulation)
+        for key in (*STATE_KEYS, HOIST_KEY):
+            if self.named(key) in self.own_keys:
+                raise UserError(
+                    f'--preset {options.preset}: {self.name} needs the key {self.named(key)} '
+                    f'itself ({STATE_KEYS.get(key, HOIST)}): take another preset'
+                )
         player = load_policy(options.policy, options.policy_config)
         joints = world.motor_names
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
+        self.controller.means = Means('--policy FILE', self.named(HOIST_KEY), RESET_KEY)
         self.hoist = Hoist(world)
         self.notice = Notice()
         self._refused = ''
@@ -121,7 +131,7 @@ class Legged(Robot):
     def press_state(self, key: str) -> None:
         """Handle a key of a state or of the hoist."""
         name = on_qwerty(key, self.options.layout)
-        if not is_press(key) or key in self.own_keys:
+        if not is_press(key):
             return
         if name in STATE_KEYS:
             self.notice.say(self.controller.press(name))

@@ -45,8 +45,10 @@ class NavigationDriver:
         Take the robot.
 
         Raises:
-            UserError: the robot has no lidar, or the map cannot be read.
+            UserError: the robot has no odometry or no lidar, or the map cannot be read.
         """
+        if not robot.has_odometry:
+            raise UserError(f'--map: nothing estimates where {robot.name} is: no map without that')
         self.robot = robot
         self._options = robot.options
         self._goals = self._options.goals  # once the robot follows velocities

@@ -71,6 +71,7 @@ class Robot(ABC):
     """
 
     has_states = False  # whether keys are more than velocities
+    has_odometry = True  # whether something estimates where it is
     other_presets: tuple[str, ...] = ()  # those that are no keymaps
     # The reach of its feet as it stands, base frame (n, 2) [m]; (0, 2) without feet.
     feet = np.empty((0, 2))
