@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
-from wasd_core.robot_io import FULL_TORQUE_SHARE, ImuReading, JointStates, Reading
+from wasd_core.robot_io import FULL_TORQUE_SHARE, ImuReading, JointStates, MOST_CONTROL, Reading
 
 # How many errors an IMU has: biases of gyro and accelerometer, and the heading's.
 ERRORS = 7
@@ -154,7 +154,7 @@ def _command(
         kp, kd = parts[3, i], parts[4, i]
         pulls = parts[2, i] + kp * parts[0, i] + kd * parts[1, i]
         gains[i, 0], gains[i, 1] = -kp * strength[i], -kd * strength[i]
-        controls[i] = pulls * strength[i]
+        controls[i] = min(max(pulls * strength[i], -MOST_CONTROL), MOST_CONTROL)
 
 
 @jit

@@ -19,6 +19,7 @@ from wasd_core.robot_io import (
     is_finite,
     JointCommand,
     JointStates,
+    MOST_CONTROL,
     Reading,
     TIME_STEP,
 )
@@ -259,7 +260,8 @@ class Actuation:
         else:  # the same without what compiles: wheels would wait for it at each start
             np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
             stiff, damped = command[3:] * command[:2]
-            np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
+            pulls = (command[2] + stiff + damped) * self._strength
+            np.minimum(np.maximum(pulls, -MOST_CONTROL), MOST_CONTROL, out=self._controls)
         for motor, hold in self._holds:
             if command[:, motor].any():
                 self._data.eq_active[hold] = False

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from builtin_interfaces.msg import Time
 from cases import for_all
+from descriptions import robot_named
+from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -77,6 +79,25 @@ def test_no_motor_gives_more_than_its_limit(world, effort):
     world.apply(COMMAND._replace(effort=np.full(2, effort)))
     world.step()
     np.testing.assert_array_equal(world.joints().effort[:2], np.sign(effort) * np.full(2, LIMIT))
+
+
+@pytest.mark.parametrize('robot', ['mbot', 'go2'])  # without and with a torque-speed curve
+@pytest.mark.parametrize('part', ['position', 'velocity', 'effort'])
+@pytest.mark.parametrize('value', [1e11, -1e300])
+def test_what_one_motor_cannot_give_changes_no_other(robot, part, value):
+    loaded = robot_named(robot)
+
+    def efforts(told):
+        world = build_world(loaded, setup=usual_setup(loaded, noise=False))
+        parts = dict(
+            zip(JointCommand._fields, np.full((5, len(world.motor_names)), 0.1), strict=True)
+        )
+        parts[part][0] = told
+        assert world.apply(JointCommand(**parts))
+        world.step(5)  # commands are delayed
+        return world.joints().effort
+
+    np.testing.assert_array_equal(efforts(value), efforts(np.copysign(1e6, value)))
 
 
 @pytest.mark.parametrize('part', JointCommand._fields)

@@ -15,6 +15,8 @@ TIME_STEP = 0.001
 LEG_RATE = 500.0
 # A motor gives its full torque up to this share of its no-load speed, then linearly less, to none.
 FULL_TORQUE_SHARE = 0.6
+# No motor is told more than this: beyond 1e10 MuJoCo zeroes what all motors are told.
+MOST_CONTROL = 1e9
 
 
 class BaseState(NamedTuple):
