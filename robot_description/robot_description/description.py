@@ -150,6 +150,16 @@ def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Des
         raise DescriptionError(f'{path}: {error}') from None
 
 
+def equip(loaded: Description) -> tuple[Description, tuple[str, ...]]:
+    """Return a description whose robot can be driven, and lines on what that took."""
+    robot, line = loaded.robot, ''
+    if isinstance(loaded._quadruped, Quadruped):
+        robot, line = equip_legs(robot, loaded._quadruped)
+    robot = equip_drive(robot, loaded.drive)
+    lines = (line,) if line else (*loaded.drive.notes, *hanging(robot, loaded.drive))
+    return loaded if robot is loaded.robot else replace(loaded, robot=robot), lines
+
+
 def load_robot(
     name_or_path: str,
     search: Sequence[Path] = (),
@@ -178,11 +188,7 @@ def load_robot(
         raise DescriptionError(f'{loaded.path}: --strict: {lines[0].line()}{more}')
     if wheels is not ANY_WHEELS:
         loaded = replace(loaded, wheels=wheels)
-    robot, line = loaded.robot, ''
-    if isinstance(loaded._quadruped, Quadruped):
-        robot, line = equip_legs(robot, loaded._quadruped)
-    robot = equip_drive(robot, loaded.drive)
-    notes = [line] if line else [*loaded.drive.notes, *hanging(robot, loaded.drive)]
+    equipped, notes = equip(loaded)
     for line in (*loaded.warnings, *loaded.repairs, *notes):
         LOGGER.warning('description: %s', line)
-    return loaded if robot is loaded.robot else replace(loaded, robot=robot)
+    return equipped

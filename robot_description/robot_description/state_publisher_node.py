@@ -17,7 +17,7 @@ from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import LATCHED, SENSOR_DATA, TfBroadcaster
 
-from robot_description.description import Description, read_description
+from robot_description.description import Description, equip, read_description
 from robot_description.meshes.files import published_urdf
 from robot_description.morphology.names import unknown_joint_warning
 from robot_description.packages import description_path
@@ -43,7 +43,8 @@ class StatePublisherNode(Node):
         super().__init__('state_publisher', namespace=prefix.rstrip('/'))
         self.settings = declare_parameters(self, StatePublisherParameters, self._on_change)
         self._beat = Beat()
-        loaded = robot or read_description(description_path(self.settings.description))
+        # As simulator and controller have it, who say what that took: they hold some joints.
+        loaded = robot or equip(read_description(description_path(self.settings.description)))[0]
         self._robot = loaded.robot
         self._prefix = prefix
         self._unknown: set[str] = set()

@@ -7,7 +7,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from robot_description.description import read_description
+from robot_description.description import load_robot, read_description
 from robot_description.meshes.files import opened_by_rviz
 from robot_description.packages import description_path, DESCRIPTIONS
 from robot_description.state_publisher_node import main, StatePublisherNode
@@ -142,6 +142,39 @@ def test_in_a_sourced_ros_the_hint_is_the_package_of_apt(spawn, mbot, capfd, mon
     said = capfd.readouterr().err
     assert 'sudo apt install ros-jazzy-tf2-msgs' in said
     assert 'build_interfaces' not in said
+
+
+SPRUNG_WHEEL = """
+<link name="{side}_arm"/><joint name="{side}_spring" type="prismatic"><parent link="base"/>
+<child link="{side}_arm"/><origin xyz="0 {y} 0.1"/><axis xyz="0 0 1"/>
+<limit lower="-0.01" upper="0.01" effort="0" velocity="1"/></joint>
+<link name="{side}_wheel"><inertial><mass value="0.5"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.04"/></geometry>
+</collision></link><joint name="{side}_wheel" type="continuous"><parent link="{side}_arm"/>
+<child link="{side}_wheel"/><axis xyz="0 1 0"/></joint>
+"""
+
+
+def test_alone_it_places_every_link_of_a_robot_whose_wheels_are_sprung(
+    sent, spawn, tmp_path, monkeypatch
+):
+    wheels = (('left', 0.15), ('right', -0.15))
+    parts = ''.join(SPRUNG_WHEEL.format(side=side, y=y) for side, y in wheels)
+    file = tmp_path / 'sprung.urdf'
+    file.write_text(
+        '<robot name="sprung"><link name="base"><inertial><mass value="5"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        f'</link>{parts}</robot>'
+    )
+    monkeypatch.setattr('robot_description.state_publisher_node.description_path', lambda _: file)
+    node = spawn(StatePublisherNode())
+    moving = tuple(joint.name for joint in load_robot(str(file)).robot.movable_joints)
+    assert moving == ('left_wheel', 'right_wheel')  # what a simulator tells
+    node.publish(moving, np.zeros(2), Time())
+    placed = {message.child_frame_id: message for messages in sent for message in messages}
+    assert set(placed) == {f'{side}_{part}' for side, _ in wheels for part in ('arm', 'wheel')}
+    assert placed['left_arm'].transform.translation.y == pytest.approx(0.15)
 
 
 def test_a_description_that_is_not_there_ends_with_one_line(isolated_ros, capsys):
