@@ -122,6 +122,7 @@ class LegsFace(ControllerFace):
             robot.legs, namespace=robot.options.namespace, parameter_overrides=given
         )
         super().__init__(robot, node)
+        node.on_press = robot.press_state  # which knows the layout
         self.key_inputs.insert(0, node.keys)
         robot.elevation.wanted_by.append(lambda: node.heights.is_wanted)
         robot.elevation.on_map.append(

@@ -342,10 +342,15 @@ class Go2(Robot):
         """Make the legs limp at once; after a key the robot squats first."""
         self.legs.e_stop()
 
-    def _press(self, key: str, is_pressed: bool) -> None:
+    def press_state(self, key: str) -> str:
+        """Handle a key for the legs, called as on the driver's keyboard; return its qwerty name."""
         legs_key = on_qwerty(key, self.options.layout)
-        self.legs.answers = is_pressed
         self.legs.press(legs_key)
+        return legs_key
+
+    def _press(self, key: str, is_pressed: bool) -> None:
+        self.legs.answers = is_pressed
+        legs_key = self.press_state(key)
         super()._press(key, is_pressed)
         is_ours = legs_key not in STATE_KEYS and is_press(key)
         if self._hints and self.state in FOLLOWING and is_ours and is_pressed:
