@@ -343,7 +343,7 @@ class Go2(Robot):
         self.legs.e_stop()
 
     def press_state(self, key: str) -> str:
-        """Handle a key for the legs, called as on the driver's keyboard; return its qwerty name."""
+        """Handle a key for the legs, by its name on the layout; return its name on qwerty."""
         legs_key = on_qwerty(key, self.options.layout)
         self.legs.press(legs_key)
         return legs_key
