@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulation loop: schedule, pace, and waiting for controllers."""
 
+from collections import deque
 from collections.abc import Callable
 import itertools
 import math
@@ -46,7 +47,8 @@ class Simulation:
 
     In each instant the due tasks run in order, then physics steps to the next instant; nothing
     else moves the robot. `on_reset` are called when the robot is put back to its start, `on_step`
-    after a step by hand.
+    after a step by hand. `hand_steps` are the ticks at which such steps of a recording ended, in
+    order: they are made again.
     """
 
     def __init__(self, world: World, speed: float) -> None:
@@ -56,6 +58,7 @@ class Simulation:
         self.paused = False
         self.on_reset: list[Callable[[], None]] = []
         self.on_step: list[Callable[[], None]] = []
+        self.hand_steps: deque[int] = deque()
 
     def reset(self) -> None:
         """Put the robot and everything that remembers its past back to the start."""
@@ -66,6 +69,9 @@ class Simulation:
     def step(self, steps: int = 1) -> None:
         """Advance by so many physics steps, by hand, and tell of it."""
         self.advance(steps)
+        self._tell_step()
+
+    def _tell_step(self) -> None:
         for tell in self.on_step:
             tell()
 
@@ -81,8 +87,13 @@ class Simulation:
         if ahead == schedule.stride:
             schedule.run_due(physics.tick)
             ahead = schedule.ahead(physics.tick)
-        ahead = min(ahead, most)
+        ahead, again = min(ahead, most), self.hand_steps
+        if again:
+            ahead = min(ahead, again[0] - physics.tick)
         physics.step(ahead)
+        if again and physics.tick == again[0]:
+            again.popleft()
+            self._tell_step()
         return ahead
 
     def run(

@@ -75,6 +75,28 @@ def test_a_reset_in_the_midst_is_repeated_by_a_service_or_by_its_key(run: Any) -
 
 
 @pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('policy', [None, 'ours'])
+def test_steps_by_hand_are_repeated(run: Any, policy: str | None) -> None:
+    """A state that is published takes noise of the sensors; a network's physics step is split."""
+    runner, path = run[0], run[0].folder / 'step.mcap'
+    keys = tuple(parse_key_script(f'0.1 2\n1.9 {"4" if policy is None else "p"}\n2 w*4', 'keys'))
+    options = RunOptions(
+        robot='go2', description='go2', preset='unitree', keys=keys, speed=0.0, policy=policy
+    )
+    recorder = BagRecorder(path, describe_run(options))
+    session = make_ros_run(options, recorder=recorder)
+    session.simulation.advance(2500)
+    for _ in range(3):
+        session.simulation.step()
+    session.simulation.advance(497)
+    session.simulation.step()
+    session.close()
+    recorder.close()
+    done = runner('replay', path.name, '--drive')
+    assert (done.returncode, done.stdout) == (0, '155 of 155 recorded poses are identical\n')
+
+
+@pytest.mark.usefixtures('ros')
 @pytest.mark.parametrize('is_latched', [False, True])
 def test_an_e_stop_in_motion_is_repeated_limp_at_once(run: Any, is_latched: bool) -> None:
     """By its key alone it would squat first, and end elsewhere."""

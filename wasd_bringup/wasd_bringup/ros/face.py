@@ -201,6 +201,7 @@ class RosFaces(Face):
             bag = self._bag
             bag.now = self._nanoseconds
             run.simulation.on_reset.append(lambda: bag.event('reset'))
+            run.simulation.on_step.append(lambda: bag.event('step'))
             run.listeners.of_e_stop.append(lambda: bag.event('e-stop'))
 
     def _let_drive(self) -> None:

@@ -51,7 +51,7 @@ class Command(NamedTuple):
     """
     What a recording says came at `time` [s] to the robot with a namespace: a key or a velocity.
 
-    Or an `event` of the whole run: 'reset', or 'e-stop', whose keys come after it.
+    Or an `event` of the whole run: 'reset', 'step' by hand, or 'e-stop', whose keys come after it.
     """
 
     time: float

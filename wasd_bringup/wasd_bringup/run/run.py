@@ -326,7 +326,11 @@ class Run:
         schedule = self.simulation.schedule
         options = self.options
         self._key_player = Player(options.keys or ())
-        self._commands = Player(options.commands or ())
+        commands = options.commands or ()
+        self._commands = Player(commands)
+        step = self.world.time_step
+        steps = {round(each.time / step) for each in commands if each.event == 'step'}
+        self.simulation.hand_steps.extend(sorted(steps - {0}))
         self._boxes = BoxPlayer(options.boxes, self.world.physics.boxes.put)
         self._next_event = -math.inf
         period = min(robot.period for robot in self.robots)
