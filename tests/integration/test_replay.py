@@ -4,15 +4,19 @@
 from collections.abc import Iterator
 import os
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from cases import for_all
 from geometry_msgs.msg import Twist, TwistStamped
+from mujoco_sim.boxes import NOWHERE
+from mujoco_sim.parameters import BoxSize
 import numpy as np
 import pytest
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.cli import main
 from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.inputs import ScriptedBox
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.worlds import build_worlds
 from wasd_bringup.tools.recording import BagWriter
@@ -145,6 +149,17 @@ def test_ros_arguments_are_repeated_but_for_other_names_of_topics(run: Any) -> N
     assert done.stderr == said
 
 
+def test_files_of_ros_arguments_are_found_from_another_folder(run: Any, new_runner: Any) -> None:
+    runner = run[0]
+    words = ('mbot', '--duration', '1', '--speed', '0', '--record', 'files.mcap')
+    (runner.folder / 'rate.yaml').write_text('/**: {ros__parameters: {state_rate: 100.0}}')
+    (runner.folder / 'drive.yaml').write_text('/**: {ros__parameters: {wheel_radius: 0.05}}')
+    ros = ('--ros-args', '--params-file', 'rate.yaml', '-p', 'controller:=drive.yaml')
+    assert runner(*words, *ros).returncode == 0
+    done = new_runner()('replay', str(runner.folder / 'files.mcap'), '--drive')
+    assert (done.returncode, done.stdout) == (0, '100 of 100 recorded poses are identical\n')
+
+
 @pytest.mark.parametrize(
     ('rule', 'is_driven'),
     [
@@ -270,6 +285,30 @@ def shown(run: Any) -> Iterator[Film]:
 
 def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
     np.testing.assert_array_equal(shown.places[:250], run[1]['samples']['position'])
+
+
+@pytest.mark.usefixtures('ros')
+def test_a_box_that_a_reset_removed_is_shown_no_more(run: Any) -> None:
+    path = run[0].folder / 'box.mcap'
+    options = RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0,
+                         boxes=(ScriptedBox(0.1, 3.0, 0.0, 0.0, BoxSize()),))  # fmt: skip
+    recorder = BagRecorder(path, describe_run(options))
+    session = make_ros_run(options, recorder=recorder)
+    session.simulation.advance(500)
+    session.simulation.reset()
+    session.simulation.advance(500)
+    session.close()
+    recorder.close()
+    bag = BagReader(path)
+    ((_, _, world),) = build_worlds(recorded_options(bag.run), visuals=False)
+    view = ReplayView(bag, [world], 0.0, options.boxes)
+    heights: list[float] = []
+    view._view = SimpleNamespace(
+        period=0.0, sync=lambda: heights.append(float(world.data.mocap_pos[0, 2]))
+    )
+    view.run(lambda: len(heights) > 50)
+    assert 0.0 in heights
+    assert heights[-1] == NOWHERE
 
 
 def middle_of_a_chunk(recording: bytes) -> int:

@@ -166,7 +166,7 @@ def test_a_recording_knows_what_guards_a_robot_and_what_walks_it(read, tmp_path)
 
 
 def test_a_recording_knows_the_keyboard_and_its_files_from_every_folder(read, tmp_path):
-    for name in ('plan,1.png', 'keys.yaml', 'wasd'):
+    for name in ('plan,1.png', 'keys.yaml', 'wasd', 'room', 'stairs:0.1', 'go2'):
         (tmp_path / name).write_text(name)
     words = '--layout', 'azerty', '--preset', 'keys.yaml', '--world', 'plan,1.png,0.05'
     recorded = recorded_options(describe_run(read(*words)))
@@ -174,6 +174,10 @@ def test_a_recording_knows_the_keyboard_and_its_files_from_every_folder(read, tm
     assert recorded.world == f'{tmp_path}/plan,1.png,0.05'
     named = recorded_options(describe_run(read('--preset', 'wasd', '--world', 'stairs:0.1,0.3')))
     assert (named.preset, named.world) == ('wasd', 'stairs:0.1,0.3')
+    assert (named.description, recorded_options(describe_run(read('--world', 'room'))).world) == (
+        'go2',
+        'room',
+    )
 
 
 def test_what_is_recorded_of_a_run_are_its_options(read):

@@ -4,6 +4,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 import contextlib
 from dataclasses import asdict
+import itertools
 import json
 import os
 from pathlib import Path
@@ -18,7 +19,9 @@ from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
 from mujoco_sim.parameters import HONEST, Payload, Untold
+from mujoco_sim.scene import TERRAINS, WORLDS
 from rclpy.serialization import deserialize_message
+from robot_description.packages import DESCRIPTIONS, OTHERS
 from std_msgs.msg import String
 from teleop_keyboard.keymap_file import preset_names
 from wasd_core.errors import one_line, UserError
@@ -162,11 +165,12 @@ RENAMED = ('keys', 'cmd_vel', 'robot_description', 'ground_truth/odom')
 def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict[str, str]:
     """Return what has to be known to run the same commands again, as JSON by name."""
     controller = options.controller
+    kind, colon, _ = options.world.partition(':')
     run: dict[str, Any] = {
         'robot': options.robot,
-        'description': _absolute(options.description),
+        'description': _absolute(options.description, [*DESCRIPTIONS, *OTHERS]),
         'package_path': [str(path) for path in options.package_path],
-        'world': _absolute(options.world),
+        'world': options.world if colon and kind in TERRAINS else _absolute(options.world, WORLDS),
         'preset': _absolute(options.preset, [UNITREE_PRESET, *preset_names()]),
         'layout': options.layout,
         'seed': options.seed,
@@ -185,7 +189,7 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'height_scan': options.height_scan,
         'pushes': [push_text(push) for push in options.pushes],
         'boxes': [box_text(box) for box in options.boxes],
-        'ros_arguments': list(ros_arguments),
+        'ros_arguments': _with_absolute_files(ros_arguments),
     }
     return {name: json.dumps(value) for name, value in run.items()}
 
@@ -261,6 +265,21 @@ def _absolute(words: str, names: Collection[str] = ()) -> str:
         return str(Path(words).resolve())
     path, comma, scale = words.rpartition(',')
     return f'{_absolute(path)},{scale}' if comma else words
+
+
+# Parameters that name files.
+FILES = ('controller', 'policy', 'policy_config')
+
+
+def _with_absolute_files(ros_arguments: Sequence[str]) -> list[str]:
+    words = list(ros_arguments)
+    for number, (option, word) in enumerate(itertools.pairwise(ros_arguments), start=1):
+        name, rule, value = word.partition(':=')
+        if option == '--params-file':
+            words[number] = _absolute(word)
+        elif option in ('-p', '--param') and name.rpartition(':')[2] in FILES:
+            words[number] = f'{name}{rule}{_absolute(value)}'
+    return words
 
 
 KEYS = 'keys'

@@ -42,7 +42,7 @@ from wasd_bringup.tools.recording.reader import (
     robot_topics,
     TRUTH,
 )
-from wasd_bringup.tools.recording.recorder import PublisherTap
+from wasd_bringup.tools.recording.recorder import EVENTS, PublisherTap
 
 
 class PathComparison:
@@ -154,7 +154,7 @@ class ReplayView:
         """Show it all, then the last picture until `stop`."""
         started = time.monotonic()
         drawn = 0.0
-        for message in self._bag.messages([*self._truths, *self._joints]):
+        for message in self._bag.messages([*self._truths, *self._joints, EVENTS]):
             if message.time > self._shown:
                 self._shown = message.time
                 due = self._due(started)
@@ -181,6 +181,9 @@ class ReplayView:
             place, turn = pose.position, pose.orientation
             position, orientation = (place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)
             pose_base(self._truths[message.topic], position, orientation)
+        elif message.topic == EVENTS:
+            if deserialize_message(message.data, String).data == 'reset':
+                self._world.reset()  # which removes the boxes
         else:
             joints = deserialize_message(message.data, JointState)
             pose_joints(self._joints[message.topic], joints.name, joints.position)
