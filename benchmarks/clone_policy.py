@@ -7,7 +7,7 @@ Clones the model-based walker into a small network: our own policy.
 DAgger [Ross2011] with numpy alone: the network drives, the leg controller says in each state what
 it would have done, and the network is trained on all that was ever said. What is simulated is what
 `wasd.Go2` simulates: noise, drift, delay; and more: robots that differ at random, pushes. Seeds
-begin at 1000; those of the benchmark are others.
+begin at 1000, those of the benchmark at 12000.
 """
 
 import argparse

@@ -16,6 +16,8 @@ from family import end_with_parent
 from trials import Run, RunFailed, simulate, Trace
 
 HERE = Path(__file__).resolve().parent
+# What workers of a cluster need of the benchmark, in the order of its imports.
+SENT = ('environment', 'walking', 'trials', 'family', 'cores')
 # Address of a Dask scheduler; '' is this machine.
 cluster = ''
 Result = Trace | RunFailed
@@ -77,7 +79,7 @@ def on_cluster(runs: Sequence[Run]) -> Iterator[tuple[Run, Result]]:
     from distributed import Client
 
     with Client(cluster) as client:
-        for name in ('environment', 'walking', 'trials', 'cores'):
+        for name in SENT:
             client.upload_file(str(HERE / f'{name}.py'))
         futures: Iterable[Any] = client.map(attempt, runs, pure=False)
         named = dict(zip(futures, runs, strict=True))

@@ -7,6 +7,7 @@ import math
 
 from experiment import Experiment, judged, Trial, worst
 import numpy as np
+from quadruped_sim.presets import GAITS
 from trials import Run, START, Trace
 
 GAIT_PERIOD = 0.45  # of a slow trot [s]
@@ -19,20 +20,19 @@ TERRAIN_WAY = 4.0  # how far on x it must come [m]
 COMMAND_LASTS = 2.0
 
 
-TIMES = [PUSHED + GAIT_PERIOD * phase / PHASES for phase in range(PHASES)]
-
-
-def push_runs(impulse: float, speed: float, seeds: Sequence[int]) -> list[Run]:
+def push_runs(impulse: float, speed: float, seeds: Sequence[int], gait: str = 'trot') -> list[Run]:
     """Return runs that push the trunk to the left, for each seed once in each part of the gait."""
+    period = GAIT_PERIOD * GAITS[gait].period
     return [
         Run(
             seed=PHASES * (seed - seeds[0]) + seeds[0] + phase,
             twist=f'{START} {speed} 0 0\n',
-            push=f'{time:.6f} 0 {impulse / PUSH_LASTS} 0 {PUSH_LASTS}',
-            duration=math.ceil(PUSHED + GAIT_PERIOD + RECOVERY),
+            push=f'{PUSHED + period * phase / PHASES:.6f} 0 {impulse / PUSH_LASTS} 0 {PUSH_LASTS}',
+            duration=math.ceil(PUSHED + period + RECOVERY),
+            parameters=(('gait.name', gait),) if gait != 'trot' else (),
         )
         for seed in seeds
-        for phase, time in enumerate(TIMES)
+        for phase in range(PHASES)
     ]
 
 

@@ -45,7 +45,11 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
             for seed in range(FIRST_SEED, FIRST_SEED + flats)
             for drive in _drives(Course(ROBOTS[name], seed), EACH)
         ]
-        rows += [_arrivals(name, drives), _ways(name, drives), _cost(name, drives)]
+        rows += [
+            _arrivals(f'{name} without physics', drives),
+            _ways(name, drives),
+            _cost(name, drives),
+        ]
         note(f'goals: {name} with physics')
         with_physics = [
             (seed, drive)

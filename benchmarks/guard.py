@@ -2,8 +2,9 @@
 """
 Benchmark of the guard: full speed held towards walls, boxes and people who stand, and freely.
 
-With physics: wheels that a motor turns, legs that walk, their own lidars with their noise. The
-guard knows their scans and odometry of their own; what is touched is what MuJoCo says.
+With physics: wheels that a motor turns, legs that walk, their own lidars with their noise, which
+turn. The guard is that of --guard: it knows the robot's scans and its own odometry. What is
+touched is what MuJoCo says.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +26,7 @@ from wasd_core.errors import UserError
 from wasd_core.rotations import Pose
 from wasd_navigation.guard import Guard
 from wasd_navigation.guard_parameters import GuardParameters
-from wasd_navigation.odometry import Odometry, read_odometry
+from wasd_navigation.odometry import Odometry
 from wasd_navigation.planning.motion import HARD
 from wasd_navigation.records import Scan
 
@@ -75,41 +76,12 @@ def arena(seed: int, space: float) -> tuple[str, np.ndarray]:
 
 
 class Guarded(PhysicalRobot):
-    """A robot whose commands a guard limits; `touches` counts steps with a contact."""
-
-    def __init__(self, name: str, world: str, seed: int, guards: bool) -> None:
-        self._guard: Guard | None = None
-        super().__init__(name, ROBOTS[name], world, seed)
-        self.touches, self.limited = 0, 0
-        if guards:
-            braking = np.array(BRAKING[name])
-            self._guard = Guard(self.robot.footprint, braking, PARAMETERS[name])
-
-    def follow(self, asked: np.ndarray) -> None:
-        """Ask for a velocity for one period."""
-        if self._guard is not None:
-            odometry = read_odometry(self.odometry)
-            scan = self.scan(np.empty((0, 6)))
-            if scan is not None:
-                self._guard.see(scan, odometry)
-            self._guard.pass_time(1.0 / RATE)
-            guarded = self._guard.step(asked, odometry)
-            self.limited += bool(guarded.action)
-            asked = guarded.velocity
-        self.step(asked)
-        self.touches += self.touched
-
-    @property
-    def odometry(self) -> Any:
-        """What the robot itself believes."""
-        robot = self._go2 or self._mbot
-        assert robot is not None
-        return robot._robot.odometry
+    """A robot with a guard, or without."""
 
     @property
     def touched(self) -> bool:
         """Whether a part of it touches something that is not the floor."""
-        world = self._world
+        world = self._unit.world
         model, data = world.model, world.data
         for contact in data.contact[: data.ncon]:
             of_world = model.body_rootid[model.geom_bodyid[contact.geom]] == 0
@@ -125,12 +97,14 @@ def hold_keys(name: str, folder: str, guards: bool, seed: int) -> dict[str, Any]
     path = f'{folder}/arena_{seed}.xml'
     with open(path, 'w', encoding='utf-8') as file:
         file.write(text)
-    moving = Guarded(name, path, seed, guards)
+    moving = Guarded(name, ROBOTS[name], path, seed, guards)
     random = np.random.default_rng((seed, 42))
     full = np.array(FULL[name])
+    touches = 0
     # A first look before anything moves.
     for _ in range(10):
-        moving.follow(np.zeros(3))
+        moving.step(np.zeros(3))
+        touches += moving.touched
     begin, least, way = moving.time, math.inf, 0.0
     asked, until, has_fallen = np.zeros(3), 0.0, False
     while moving.time - begin < LONGEST:
@@ -142,14 +116,20 @@ def hold_keys(name: str, folder: str, guards: bool, seed: int) -> dict[str, Any]
             asked = signs * full
         before = moving.pose
         try:
-            moving.follow(asked)
+            moving.step(asked)
         except UserError:  # it has fallen, and follows nothing any more
             has_fallen = True
             break
+        touches += moving.touched
         way += math.dist(before[:2], moving.pose[:2])
         least = min(least, moving.gap(boxes))
-    touches = moving.touches + has_fallen
-    return {'seed': seed, 'touches': touches, 'fell': has_fallen, 'gap': least, 'way': way}
+    return {
+        'seed': seed,
+        'touches': touches + has_fallen,
+        'fell': has_fallen,
+        'gap': least,
+        'way': way,
+    }
 
 
 class GuardedCourse(Course):

@@ -44,7 +44,7 @@ GAIT_SPEEDS = {
     'walk': 0.5,
     'trot': 3.0,
     'pace': 0.8,
-    'bound': 1.2,
+    'bound': 1.15,
     'pronk': 1.0,
     'gallop': 2.5,
 }

@@ -26,10 +26,8 @@ def pushed(
     impulse: float, speed: float, seeds: Sequence[int], share: float, gait: str = 'trot'
 ) -> Experiment:
     """Push the trunk to the left in each part of the gait; a share of the runs must stay up."""
-    runs = push_runs(impulse, speed, seeds)
+    runs = push_runs(impulse, speed, seeds, gait)
     named = '' if gait == 'trot' else f'{gait}: '
-    if named:
-        runs = [replace(run, parameters=(('gait.name', gait),)) for run in runs]
 
     def trial(trace: Trace) -> Trial:
         return {'passed': trace.is_up, 'tilt': trace.tilt}

@@ -22,8 +22,8 @@ This is what `./{command}` printed at version {version} ({date}, {machine}, {min
 """
 FOOT = """
 
-Odometry is compared with the physics' own truth. The Go2 has sensor noise, a command delay of 2 ms
-and motors whose torque falls with speed, unless `--estimator truth` says otherwise; the papers
+Odometry is compared with the physics' own truth. The Go2 has a command delay of 2 ms and
+motors whose torque falls with speed; with `--estimator truth` it has no sensor noise. The papers
 behind it are in [references](references.md).
 
 ![One gait period of the Go2's trot](pictures/go2_trot_strip.png)

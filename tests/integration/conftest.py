@@ -2,6 +2,7 @@
 """Whole runs of the command, each in a process and a ROS domain of its own."""
 
 from collections.abc import Callable, Iterator
+import importlib
 import json
 import os
 from pathlib import Path
@@ -24,6 +25,15 @@ from terminals import fill, PATIENCE
 
 REPEAT_PERIOD = 1.0 / 30.0
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
+BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
+
+
+@pytest.fixture(scope='module')
+def bench() -> Iterator[Any]:
+    """Return a function: a module of the benchmark by its name."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        yield importlib.import_module
 
 
 def private_environment(folder: Path, domain: int) -> dict[str, str]:

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run of the benchmark is the same in its process, as a command, and in any other process."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-import importlib
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +10,6 @@ from PIL import Image
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
-
-
-@pytest.fixture(scope='module')
-def bench() -> Iterator[Any]:
-    """Return a function: a module of the benchmark by its name."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(BENCHMARKS))
-        yield importlib.import_module
 
 
 @pytest.fixture(scope='module')
@@ -48,7 +38,6 @@ COLUMNS = ('t', 'position', 'rpy', 'velocity', 'odometry', 'contacts', 'torque')
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_it_is_what_the_command_reports(bench: Any, run: Any, trace: Any) -> None:
     command = bench('trials').simulate(replace(run, command=True))
     for name in COLUMNS:
@@ -57,7 +46,6 @@ def test_it_is_what_the_command_reports(bench: Any, run: Any, trace: Any) -> Non
     assert trace.report['falls'] == command.report['falls']
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_on_all_cores_the_figures_are_those_of_one_by_one(
     bench: Any, run: Any, trace: Any
@@ -77,7 +65,6 @@ def test_a_run_that_breaks_breaks_no_other(bench: Any, run: Any) -> None:
     assert 'no such file' in str(result)
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_on_a_cluster_the_figures_are_the_same(
     bench: Any, run: Any, trace: Any, monkeypatch: pytest.MonkeyPatch

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """No key makes the Go2 fall: random ones, and from each state into each other."""
 
-from collections.abc import Iterator
-import importlib
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,16 +9,6 @@ from quadruped_sim.keys import StateName
 from teleop_keyboard.key_script import parse_key_script
 
 pytestmark = pytest.mark.slow
-
-BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
-
-
-@pytest.fixture(scope='module')
-def bench() -> Iterator[Any]:
-    """Return a function: a module of the benchmark by its name."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(BENCHMARKS))
-        yield importlib.import_module
 
 
 def test_a_monkey_presses_every_kind_of_key(bench: Any) -> None:
