@@ -14,7 +14,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import load_robot
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import did_you_mean
 from wasd_core.messages import (
@@ -29,6 +28,7 @@ from wasd_core.messages import (
 from wasd_core.node import run_node
 from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
+from wasd_core.services import offer
 from wasd_core.streams import visible
 from wasd_core.timing import Beat, judge_stamp
 from wasd_core.topics import (
@@ -149,7 +149,7 @@ class DiffDriveControllerNode(Node):
         )
         self._names = self._own_joint_names(alone=self.unit.is_fake and self._is_alone)
         self._make_publishers()
-        self.create_service(Trigger, '~/reset_odometry', self._on_reset_odometry)
+        offer(self, '~/reset_odometry', self._on_reset_odometry)
         self.create_subscription(
             PoseWithCovarianceStamped, '~/set_odometry', self._on_set_odometry, RELIABLE
         )
@@ -330,13 +330,9 @@ class DiffDriveControllerNode(Node):
             self.get_logger().warning(f'cmd_vel {verdict.note}', throttle_duration_sec=5.0)
         return verdict.age
 
-    def _on_reset_odometry(
-        self, _: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
+    def _on_reset_odometry(self) -> tuple[bool, str]:
         self.controller.set_odometry(0.0, 0.0, 0.0, PlanarCovariance())
-        response.success = True
-        response.message = f'odometry is at the origin of {self.settings.odom_frame_id}'
-        return response
+        return True, f'odometry is at the origin of {self.settings.odom_frame_id}'
 
     def _on_set_odometry(self, message: PoseWithCovarianceStamped) -> None:
         try:

@@ -12,7 +12,6 @@ from rclpy.parameter import Parameter
 from robot_description.description import Description, load_robot
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
-from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import InvalidMessage, SimulationError
 from wasd_core.messages import (
@@ -27,6 +26,7 @@ from wasd_core.node import MessagePump, run_node
 from wasd_core.parameters import Parameters
 from wasd_core.robot_io import LEG_RATE
 from wasd_core.ros_parameters import declare_parameters
+from wasd_core.services import offer
 from wasd_core.signals import StopSignals
 from wasd_core.streams import visible
 from wasd_core.topics import has_listener, RELIABLE, SENSOR_DATA
@@ -106,9 +106,9 @@ class SimulatorNode(Node):
         if self._steps_sensors:
             self.simulation.on_reset.append(self.sensors.reset)
         self.simulation.on_step += [self._publish_clock, self._publish_states, self.sensors.step]
-        self.create_service(Trigger, '~/reset', self._on_reset)
-        self.create_service(SetBool, '~/pause', self._on_pause)
-        self.create_service(Trigger, '~/step', self._on_step)
+        offer(self, '~/reset', self._on_reset)
+        offer(self, '~/pause', self._on_pause, sets=True)
+        offer(self, '~/step', self._on_step)
         self._hoist: Hoist | None = None
         if simulation is None:
             self._take_commands()
@@ -121,7 +121,7 @@ class SimulatorNode(Node):
 
     def _hang(self) -> None:
         """Hold the robot by a hoist, where the parameter says so, until the service lets go."""
-        self.create_service(SetBool, '~/hoist', self._on_hoist)
+        offer(self, '~/hoist', self._on_hoist, sets=True)
         if self.settings.hoist:
             hoist, period = Hoist(self._world), 1.0 / LEG_RATE
             self.simulation.schedule.every(period, lambda: hoist.step(period))
@@ -268,38 +268,28 @@ class SimulatorNode(Node):
             else:
                 self.get_logger().warning(text, throttle_duration_sec=5.0)
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_reset(self) -> tuple[bool, str]:
         self.simulation.reset()
-        response.success = True
-        response.message = f'robot back at its start, time goes on at {self._world.time:.3f} s'
-        return response
+        return True, f'robot back at its start, time goes on at {self._world.time:.3f} s'
 
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.simulation.paused = request.data
-        response.success = True
-        response.message = 'paused' if request.data else 'running'
-        return response
+    def _on_pause(self, pauses: bool) -> tuple[bool, str]:
+        self.simulation.paused = pauses
+        return True, 'paused' if pauses else 'running'
 
-    def _on_hoist(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def _on_hoist(self, holds: bool) -> tuple[bool, str]:
         if self._hoist is None:
-            response.message = 'there is no hoist: start the simulator with hoist:=true'
-            return response
-        if request.data:
+            return False, 'there is no hoist: start the simulator with hoist:=true'
+        if holds:
             self._hoist.take()
         else:
             self._hoist.let_go()
-        response.success = True
-        response.message = 'the hoist holds it' if request.data else 'the hoist has let go'
-        return response
+        return True, 'the hoist holds it' if holds else 'the hoist has let go'
 
-    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_step(self) -> tuple[bool, str]:
         if not self.simulation.paused:
-            response.message = 'not paused: call ~/pause with data: true first'
-            return response
+            return False, 'not paused: call ~/pause with data: true first'
         self.simulation.step()
-        response.success = True
-        response.message = f'time is {self._world.time:.3f} s'
-        return response
+        return True, f'time is {self._world.time:.3f} s'
 
     def _on_change(self, changed: Parameters) -> None:
         assert isinstance(changed, SimulatorParameters)

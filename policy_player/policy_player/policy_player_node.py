@@ -10,7 +10,6 @@ from rclpy.parameter import Parameter
 from robot_description.description import load_robot
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.feed import Feeds
 from wasd_core.messages import to_imu_reading, to_joint_commands, to_joint_states, to_seconds
@@ -18,6 +17,7 @@ from wasd_core.node import run_node
 from wasd_core.paired import Answer, LONGEST_GAP, Paired, PairedReadings
 from wasd_core.robot_io import JointCommand, JointStates, Reading
 from wasd_core.ros_parameters import declare_parameters
+from wasd_core.services import offer
 from wasd_core.timing import is_press
 from wasd_core.topics import (
     AbsenceWatch,
@@ -70,7 +70,7 @@ class PolicyPlayerNode(Node):
         self._cmd_vel = VelocitySubscription(self, self._on_velocity, self._absence.is_stale)
         self.create_subscription(Imu, 'imu/data', self._on_imu, SENSOR_DATA)
         self.create_subscription(JointState, 'joint_states', self._on_joints, SENSOR_DATA)
-        self.create_service(Trigger, '~/e_stop', self._on_e_stop)
+        offer(self, '~/e_stop', self._on_e_stop)
 
     def close(self) -> None:
         """Leave the joints limp (the simulator's own watchdog brakes them, too)."""
@@ -119,11 +119,9 @@ class PolicyPlayerNode(Node):
             self._warn(refused)
         return True
 
-    def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_e_stop(self) -> tuple[bool, str]:
         self.controller.let_go('emergency stop: motors damp')
-        response.success = True
-        response.message = 'passive; press 2 to stand again'
-        return response
+        return True, 'passive; press 2 to stand again'
 
     def _on_return(self, gap: float) -> None:
         """Begin without a velocity after this process stood still: nobody knows who wants it."""

@@ -13,7 +13,6 @@ from rclpy.parameter import Parameter
 from robot_description.description import load_robot
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import (
     to_base_state,
@@ -27,6 +26,7 @@ from wasd_core.messages import (
 from wasd_core.node import run_node
 from wasd_core.robot_io import JointCommand
 from wasd_core.ros_parameters import declare_parameters
+from wasd_core.services import offer
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import (
@@ -103,7 +103,7 @@ class LegControllerNode(Node):
         self.on_press: Callable[[str], object] = self.legs.press
         # It returns what its caller is told, where that is something else than usual.
         self.on_e_stop: Callable[[], str | None] = self.legs.e_stop
-        self.create_service(Trigger, '~/e_stop', self._on_e_stop)
+        offer(self, '~/e_stop', self._on_e_stop)
         self.readings: Readings | None = None
         if description is not None:
             self._clouds = CloudInput(self, description.robot, self._wants_map, self._on_map)
@@ -177,10 +177,8 @@ class LegControllerNode(Node):
         if self.readings is not None and self.legs.forget_velocity():
             self.get_logger().warning(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')
 
-    def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = self.on_e_stop() or 'passive; press 2 to stand again'
-        response.success = True
-        return response
+    def _on_e_stop(self) -> tuple[bool, str]:
+        return True, self.on_e_stop() or 'passive; press 2 to stand again'
 
     def _listen(self) -> Readings:
         """Take readings from topics and command the motors by one."""

@@ -12,11 +12,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
 from wasd_core.errors import InvalidMessage, UserError
 from wasd_core.messages import from_odometry, to_seconds
 from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
+from wasd_core.services import offer
 from wasd_core.streams import visible
 from wasd_core.topics import (
     AbsenceWatch,
@@ -78,10 +78,10 @@ class NavigatorNode(Node):
         self.navigation.on_reset.append(self._publisher.forget)
         self.navigation.on_scan.append(self._publisher.publish_pose)
         self._listen()
-        self.create_service(Trigger, '~/save_map', self._on_save_map)
-        self.create_service(Trigger, '~/reset', self._on_reset)
-        self.create_service(Trigger, '~/cancel', self._on_cancel)
-        self.create_service(Trigger, '~/explore', self._on_explore)
+        offer(self, '~/save_map', self._on_save_map)
+        offer(self, '~/reset', self._on_reset)
+        offer(self, '~/cancel', self._on_cancel)
+        offer(self, '~/explore', self._on_explore)
         kinds = (NavigateToPose, FollowWaypoints)
         self._actions = [kind(self, self.navigation, self.in_map) for kind in kinds]
         if navigation is None:
@@ -233,31 +233,26 @@ class NavigatorNode(Node):
         """Begin without a goal after this process stood still: the old one is out of date."""
         self.navigation.stop(f'was paused for {gap:.1f} s')
 
-    def _on_save_map(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_save_map(self) -> tuple[bool, str]:
         try:
-            response.message = self.navigation.save_map(self.settings.save_map)
-            response.success = True
+            return True, self.navigation.save_map(self.settings.save_map)
         except UserError as error:
-            response.message = str(error)
-        return response
+            return False, str(error)
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_reset(self) -> tuple[bool, str]:
         self.navigation.begin_map()
-        response.success, response.message = True, 'a new map begins'
-        return response
+        return True, 'a new map begins'
 
-    def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self.navigation.stop('asked to')
-        response.message = 'the robot stands' if response.success else 'there was no goal'
-        return response
+    def _on_cancel(self) -> tuple[bool, str]:
+        had_goal = self.navigation.stop('asked to')
+        return had_goal, 'the robot stands' if had_goal else 'there was no goal'
 
-    def _on_explore(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_explore(self) -> tuple[bool, str]:
         try:
             self.navigation.explore()
-            response.success, response.message = True, 'explores'
         except UserError as error:
-            response.message = str(error)
-        return response
+            return False, str(error)
+        return True, 'explores'
 
     def _log(self, words: str) -> None:
         self.get_logger().info(visible(words))

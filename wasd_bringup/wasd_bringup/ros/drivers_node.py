@@ -6,7 +6,7 @@ from collections.abc import Callable
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
+from wasd_core.services import offer
 from wasd_core.topics import LATCHED, RELIABLE
 
 from wasd_bringup.run.drivers import DriverState
@@ -27,8 +27,8 @@ class DriversNode(Node):
         self._told: DriverState | None = None
         self._publisher = self.create_publisher(DiagnosticStatus, 'driver', LATCHED)
         self.create_subscription(Bool, 'e_stop', self._on_topic, RELIABLE)
-        self.create_service(Trigger, '~/e_stop', self._on_stop)
-        self.create_service(Trigger, '~/release_e_stop', self._on_release)
+        offer(self, '~/e_stop', self._on_stop)
+        offer(self, '~/release_e_stop', self._on_release)
 
     def tell(self, state: DriverState) -> None:
         """Publish who drives, where it has changed."""
@@ -40,15 +40,13 @@ class DriversNode(Node):
         if message.data:
             self.on_stop('topic e_stop')
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_stop(self) -> tuple[bool, str]:
         self.on_stop('service e_stop')
-        response.success, response.message = True, 'stopped'
-        return response
+        return True, 'stopped'
 
-    def _on_release(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_release(self) -> tuple[bool, str]:
         self.on_release()
-        response.success, response.message = True, 'released: drive again'
-        return response
+        return True, 'released: drive again'
 
 
 def to_status(state: DriverState, name: str) -> DiagnosticStatus:
