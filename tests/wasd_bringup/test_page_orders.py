@@ -484,6 +484,26 @@ def test_what_the_page_orders_by_its_buttons_is_saved_as_keys(run_of, tmp_path):
     assert keys == ['i', 'BACKSPACE', 'ESC', run.session.robot.stop_key, 'ENTER']
 
 
+def test_the_page_s_buttons_do_as_they_say_though_a_keymap_has_their_keys(run_of, tmp_path):
+    preset, saved = tmp_path / 'mine.yaml', tmp_path / 'saved'
+    motion = '{i: [1, 0, 0], ENTER: [1, 0, 0], BACKSPACE: [1, 0, 0]}'
+    preset.write_text(
+        f'speed: 0.5\nturn: 1.0\nlinear_accel: 1.0\nangular_accel: 4.0\nmotion: {motion}\n'
+    )
+    options = {'latched': True, 'save_keys': OutputFile(saved, '--save-keys')}
+    run = run_of('mbot', str(preset), **options)
+    run.session.press('i')
+    run.session.simulation.advance(1000)
+    run.order('reset')
+    assert run.session.world.base().position[0] == 0.0
+    run.order('e-stop')
+    run.order('end e-stop')
+    assert not run.session.robot.drivers.stopped_by
+    run.session._writer.close()
+    keys = [line.split()[1] for line in saved.read_text().splitlines()]
+    assert keys == ['i', 'ESC', run.session.robot.stop_key, 'ENTER']
+
+
 def test_a_step_that_the_page_orders_is_published(run_of):
     run = run_of('mbot', 'mbot')
     simulation, told = run.session.simulation, []

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Connects a run and the page: makes snapshots of the run, carries out the page's orders."""
 
-from collections.abc import Callable
 import dataclasses
 from functools import partial
 import math
@@ -192,13 +191,15 @@ class CockpitBridge:
         elif order.what == 'e-stop':
             run.press(E_STOP_KEY, 'page')
         elif order.what == 'end e-stop' and self._active.robot.drivers.stopped_by:
-            self._press_or(END_E_STOP_KEY, run.end_e_stop)
+            run.press(END_E_STOP_KEY, 'page')
         elif order.what == 'pause':
             simulation.paused = bool(order.value)
         elif order.what == 'step' and simulation.paused:
             simulation.step(simulation.schedule.stride)
+        elif order.what == 'reset' and RESET_KEY in self._active.robot.own_keys:
+            simulation.reset()  # by no key: a keymap took it
         elif order.what == 'reset':
-            self._press_or(RESET_KEY, simulation.reset)
+            run.press(RESET_KEY, 'page')
         elif order.what == 'robot':
             run.switch_to([robot.name for robot in run.robots].index(order.name))
         elif order.what == 'speed' and math.isfinite(order.value):
@@ -214,13 +215,6 @@ class CockpitBridge:
             setting, _, option = order.name.partition('=')
             for key in self._active.view.keys_to_choose(setting, option):
                 run.press(key, 'page')
-
-    def _press_or(self, key: str, do: Callable[[], None]) -> None:
-        """Press a key of the run, which saves it; where a keymap took it, do what it says."""
-        if key in self._active.robot.own_keys:
-            do()
-        else:
-            self._run.press(key, 'page')
 
     def _navigate(self, order: Order) -> None:
         """Do what is asked of the navigator, if there is one."""
