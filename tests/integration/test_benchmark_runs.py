@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 import pytest
+from wasd_core.extras import install_line
 
 BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
 
@@ -92,7 +93,7 @@ def test_without_the_extra_a_cluster_is_refused_in_a_line(
     monkeypatch.setattr(run.importlib.util, 'find_spec', lambda name: None)
     monkeypatch.setattr('sys.argv', ['bench', 'legs', '--dask', 'tcp://10.0.0.1:8786'])
     assert run.main() == 2
-    assert "pip install 'wasd-robots[cluster]' (see" in capsys.readouterr().err
+    assert f'--dask needs: {install_line("cluster")} (see' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
