@@ -53,6 +53,12 @@ class SimulatorParameters(Parameters):
     description: str = parameter(
         'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
     )
+    controller: str = parameter(
+        '',
+        doc="YAML file with a wheeled robot's controller's parameters: wheels that it names get "
+        'the motors',
+        read_only=True,
+    )
     world: str = parameter('flat', doc=f'World: {WORLD_NAMES}, {WORLD_KINDS}', read_only=True)
     seed: int = parameter(
         0, minimum=0, maximum=2**63 - 1, doc='Seed of all random numbers', read_only=True

@@ -10,6 +10,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description, load_robot
+from robot_description.morphology.wheel_file import read_wheel_choice
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -78,7 +79,9 @@ class SimulatorNode(Node):
             parameter_overrides=parameter_overrides or [],
         )
         self.settings = declare_parameters(self, SimulatorParameters, self._on_change)
-        robot = robot or load_robot(self.settings.description)
+        if robot is None:
+            wheels = read_wheel_choice(self.settings.controller)
+            robot = load_robot(self.settings.description, wheels=wheels)
         world = world or self._build_world(robot)
         self.simulation = simulation or Simulation(world, self.settings.speed)
         self._has_clock = self.simulation.world is world

@@ -13,6 +13,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
@@ -23,6 +24,39 @@ from wasd_core.robot_io import JointCommand
 pytestmark = pytest.mark.slow
 
 WHEELS = ('left_wheel_joint', 'right_wheel_joint')
+
+
+FOUR = '<robot name="four">{}{}</robot>'.format(
+    '<link name="base"><inertial><mass value="5"/>'
+    '<inertia ixx="0.05" iyy="0.07" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>',
+    ''.join(
+        f'<link name="{name}_link"><inertial><mass value="0.5"/>'
+        '<inertia ixx="1e-3" iyy="2e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><origin rpy="1.5707963 0 0"/><geometry>'
+        '<cylinder radius="0.08" length="0.03"/></geometry></collision></link>'
+        f'<joint name="{name}" type="continuous"><parent link="base"/><child link="{name}_link"/>'
+        f'<origin xyz="{x} {y} 0"/><axis xyz="0 1 0"/></joint>'
+        for name, x, y in (
+            ('fl', 0.1, 0.2), ('fr', 0.1, -0.2), ('bl', -0.1, 0.2), ('br', -0.1, -0.2)
+        )
+    ),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize('head', ['', '/drive/diff_drive_controller:\n ros__parameters:\n'])
+def test_wheels_that_the_controller_s_file_names_get_the_motors(spawn, tmp_path, head):
+    (tmp_path / 'four.urdf').write_text(FOUR)
+    (tmp_path / 'two.yaml').write_text(
+        f'{head}  left_wheel_names: [bl]\n  right_wheel_names: [br]\n'
+    )
+    names = {'description': 'four.urdf', 'controller': 'two.yaml'}
+    overrides = [Parameter(name, value=str(tmp_path / file)) for name, file in names.items()]
+    node = spawn(SimulatorNode(parameter_overrides=overrides))
+    world = node.simulation.world
+    assert world.motor_names == ('bl', 'br')
+    friction = world.model.geom_friction[:, 0]
+    assert friction[world.model.geom('fl_link/0').id] == 0.0
+    assert friction[world.model.geom('bl_link/0').id] == 1.0
 
 
 def seconds(stamp):

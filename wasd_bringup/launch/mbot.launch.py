@@ -41,7 +41,7 @@ def generate_launch_description():
                 default_value='',
                 description="YAML with the drive's parameters, as `wasd mbot --controller`.",
             ),
-            *robot_nodes(IfCondition(has_physics), use_sim_time),
+            *robot_nodes(IfCondition(has_physics), use_sim_time, controller=file),
             robot_node(
                 'diff_drive_sim',
                 'diff_drive_controller',
