@@ -450,7 +450,8 @@ class World:
         self._late: deque[tuple[int, Reading]] = deque()
         if self.has_imu and self.setup.noise is not None:
             NoisySensors(self.setup.noise, seed).measure(_UPRIGHT)  # loads what compiles
-        self._sensor_delay = round(self.setup.drawn.sensor_delay / self.time_step)
+        # How old a reading is [ticks], if somebody read then: who reads seldom reads twice.
+        self.sensor_delay = round(self.setup.drawn.sensor_delay / self.time_step)
         _change_base(self.model, self.data, self.root, self.setup.drawn)
         # How often was reset, and the tick, when the sensors were read last.
         self._read_at = (-1, -1)
@@ -487,7 +488,7 @@ class World:
         if now != self._read_at:
             reading = self._measure(self._sensors)
             self._late.append((now[1], reading))
-            while len(self._late) > 1 and self._late[1][0] <= now[1] - self._sensor_delay:
+            while len(self._late) > 1 and self._late[1][0] <= now[1] - self.sensor_delay:
                 self._late.popleft()
             self._read_at = now
         return self._late[0][1]

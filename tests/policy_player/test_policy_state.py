@@ -3,12 +3,14 @@
 
 import dataclasses
 
+from mujoco_sim.parameters import Drawn
 import numpy as np
 from physics_steps import steps_taken
 from policy_files import constant, exporter, mjlab, MOTORS, onnx, rl_sar, torchscript, write
 import pytest
 from quadruped_sim.states.policy import SETTLE_TIME
 import wasd
+from wasd_bringup.run import worlds
 
 HOME = [0.0, 0.8, -1.6] * 4
 
@@ -257,6 +259,39 @@ def test_between_steps_of_the_network_motors_hold_and_one_looks_every_10_ms(play
     dog.run(0.1)
     np.testing.assert_allclose([dt for _, dt in seen[1:]], 0.002, atol=1e-9)
     assert dog.state == 'fixed stand'
+
+
+@pytest.mark.slow
+def test_a_network_sees_the_joints_as_late_as_was_drawn(standing, monkeypatch):
+    drawn = Drawn(sensor_delay=0.003)  # two ticks of the controller
+    monkeypatch.setattr(
+        worlds, 'randomise', lambda setup, *_: dataclasses.replace(setup, drawn=drawn)
+    )
+    dog = wasd.Go2(policy=standing[0], policy_config=standing[1], estimator='truth')
+    world, true, seen = dog._robot.world, {}, {}
+    step = dog._robot.legs.controller.step
+
+    def noted(reading, dt, truth):
+        seen[world.tick] = reading.joints.position
+        return step(reading, dt, truth)
+
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('p')
+    dog.run(SETTLE_TIME + 0.1)
+    dog.drive(0.3, 0.0, 0.0)
+    say(dog, np.linspace(-1.0, 1.0, 12))
+    monkeypatch.setattr(dog._robot.legs.controller, 'step', noted)
+    schedule = dog._simulation.schedule
+    schedule.every(0.002, lambda: true.update({world.tick: world.joints().position}))
+    dog.run(0.2)
+    late = [tick for tick in seen if tick - 4 in true]
+    assert len(late) > 15
+    order = [
+        dog._robot.description.quadruped.joint_names.index(name) for name in world.joint_names
+    ]
+    for tick in late:
+        np.testing.assert_array_equal(seen[tick][order], true[tick - 4])
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import sys
 import warnings
 
 import mujoco
+from mujoco_sim.parameters import Drawn
 from mujoco_sim.scene import AHEAD, EDGE
 import numpy as np
 from physics_steps import steps_taken
@@ -20,7 +21,7 @@ import wasd
 
 gymnasium = pytest.importorskip('gymnasium')
 from gymnasium.utils.env_checker import check_env  # noqa: E402
-from wasd.environment import Go2Environment, NAME, PHYSICS_STEPS, SPEC, WITH_HEIGHTS  # noqa: E402
+from wasd.environment import DEFAULT, Go2Environment, NAME, PHYSICS_STEPS, SPEC, WITH_HEIGHTS  # noqa: E402
 from wasd_core.errors import UserError  # noqa: E402
 
 pytestmark = pytest.mark.slow
@@ -115,6 +116,21 @@ def test_robots_differ_by_episode_as_much_as_is_asked():
         env.reset(seed=seed)
         masses.append(float(env.unwrapped._world.model.body_mass.sum()))
     assert masses[0] == masses[2] != masses[1]
+
+
+@pytest.mark.parametrize('physics_step', PHYSICS_STEPS[1:])
+def test_readings_are_as_late_as_was_drawn(monkeypatch, physics_step):
+    drawn = Drawn(sensor_delay=0.002)
+    monkeypatch.setattr(wasd.environment, 'draw', lambda setup, *_: replace(setup, drawn=drawn))
+    env = gymnasium.make(NAME, randomise=1.0, noise=False, physics_step=physics_step)
+    env.reset(seed=1)
+    world, order = env.unwrapped._world, env.unwrapped._joints
+    for _ in range(10):
+        observation, *_ = env.step(env.action_space.sample())
+        joints = world.joints()
+        before = joints.position - 0.002 * joints.velocity  # as MuJoCo integrates
+        assert np.abs(joints.velocity).max() > 1.0
+        np.testing.assert_allclose(observation[9:21] + DEFAULT, before[order], atol=1e-6)
 
 
 def test_the_true_heights_ahead_of_stairs_follow_what_else_is_shown():

@@ -195,7 +195,11 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray], gymnasium.utils.EzPi
         self._action = np.minimum(np.maximum(np.asarray(action, float), -1.0), 1.0)
         position = (self._default + self._scale * self._action)[self._motors]
         self._world.apply(JointCommand(position, *self._others))
-        self._world.step(self._steps)
+        late = self._world.sensor_delay
+        self._world.step(self._steps - late)
+        if late:
+            self._world.read()  # what is known at the end
+            self._world.step(late)
         truth = self._world.base()
         tilt = truth.tilt
         has_fallen = tilt > FALL_TILT or self._height(truth) < LOW

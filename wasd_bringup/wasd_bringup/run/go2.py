@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+import math
 from typing import Any
 
 from mujoco_sim.sensors.heights import true_heights
@@ -104,6 +105,9 @@ class Go2(Robot):
     def prepare(self) -> None:
         """Apply the settings, before anything is scheduled."""
         super().prepare()
+        # Sensors that are late are read so long before a step of the controller [s]: whole ticks.
+        delay = self.world.sensor_delay * self.world.time_step
+        self._lead = math.ceil(delay / self.period - ROUNDING) * self.period
         self.feet = _feet(self.legs.controller.model.geometry)
         self.legs.controller.words = self._key_words()
 
@@ -265,6 +269,8 @@ class Go2(Robot):
     def _timed_control(self) -> None:
         if self.rest() < ROUNDING:
             super()._timed_control()
+        elif -self.period < self._until_read() - ROUNDING < 0.0:
+            self.world.read()
 
     def _before_now(self) -> int:
         return self.world.tick - round(self.period / self.world.time_step)
@@ -276,7 +282,12 @@ class Go2(Robot):
         """Return for how long from now [s] the controller has nothing to do: motors hold."""
         if self.outside is not None:
             return 0.0
-        return self.legs.controller.due_after - self._waited()
+        until_read = self._until_read()
+        return until_read if until_read > ROUNDING else until_read + self._lead
+
+    def _until_read(self) -> float:
+        """Return for how long from now [s] nobody reads what the controller's next step knows."""
+        return self.legs.controller.due_after - self._waited() - self._lead
 
     def stop(self) -> None:
         """Command standstill, now and in the last message on cmd_vel, until the next key."""
