@@ -110,7 +110,7 @@ def test_p_leads_from_nowhere_but_the_stand_and_needs_a_policy(dog):
     other = wasd.Go2(seed=1)
     other.press('2')
     other.run(2.0)
-    with pytest.raises(wasd.UserError, match='--policy FILE'):
+    with pytest.raises(wasd.UserError, match='policy=FILE'):
         other.press('p')
     assert 'policy' not in [choice.state for choice in other._robot.choices()]
     assert 'policy' in [choice.state for choice in dog._robot.choices()]
