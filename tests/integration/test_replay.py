@@ -101,6 +101,28 @@ def test_steps_by_hand_are_repeated(run: Any, policy: str | None) -> None:
 
 
 @pytest.mark.usefixtures('ros')
+def test_who_looked_at_the_elevation_before_the_eyes_opened_changes_no_walk(run: Any) -> None:
+    runner, path = run[0], run[0].folder / 'eyes.mcap'
+    keys = tuple(parse_key_script('0.1 2\n2.1 4\n2.3 w*6\n3.3 e', 'keys'))
+    options = RunOptions(
+        robot='go2',
+        description='go2',
+        preset='unitree',
+        world='boxes:0.05',
+        keys=keys,
+        speed=0.0,
+    )
+    recorder = BagRecorder(path, describe_run(options))
+    session = make_ros_run(options, recorder=recorder)
+    session.robot.elevation.wanted_by.append(lambda: session.world.time < 3.5)
+    session.simulation.advance(4500)
+    session.close()
+    recorder.close()
+    done = runner('replay', path.name, '--drive')
+    assert (done.returncode, done.stdout) == (0, '225 of 225 recorded poses are identical\n')
+
+
+@pytest.mark.usefixtures('ros')
 @pytest.mark.parametrize('is_latched', [False, True])
 def test_an_e_stop_in_motion_is_repeated_limp_at_once(run: Any, is_latched: bool) -> None:
     """By its key alone it would squat first, and end elsewhere."""

@@ -2,6 +2,7 @@
 """The heights around a robot of a run, by its lidar of points and its odometry."""
 
 from collections.abc import Callable
+import math
 from typing import Any
 
 from quadruped_sim.elevation import Elevation
@@ -14,8 +15,9 @@ class RobotElevation:
     """
     Maps in simulated time while one of those who are `wanted_by` wants it; costs nothing else.
 
-    `on_map` hear of a map with each cloud, with the cloud's time [s]. A robot without a lidar of
-    points never has one.
+    Where the legs begin to want it, it begins anew: how they walk does not depend on who looked
+    before. `on_map` hear of a map with each cloud, with the cloud's time [s]. A robot without a
+    lidar of points never has one.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -23,12 +25,20 @@ class RobotElevation:
         self.wanted_by: list[Callable[[], bool]] = []
         self.on_map: list[Callable[[Elevation, float], None]] = []
         self.mapper: ElevationMapper | None = None
+        self._is_for_legs, self._since = False, -math.inf  # when that began [s]
         topics = [topic for topic in robot.sensors.topics if topic.kind == 'PointCloud2']
         if topics:
             # On a joint that is held it stays where it is.
             self.mapper = ElevationMapper(topics[0].mount.in_base(robot.world))
             topics[0].listen(self._take, self._is_wanted)
             robot.simulation.on_reset.append(self.mapper.reset)
+
+    def prepare(self) -> None:
+        """Begin anew where the legs' sight begins; to be called before each step of control."""
+        was_for_legs, self._is_for_legs = self._is_for_legs, self._robot.legs.wants_map
+        if self.mapper is not None and self._is_for_legs and not was_for_legs:
+            self.mapper.reset()
+            self._since = self._robot.world.time
 
     def step(self) -> None:
         """Take where the robot believes to be now; to be called after each step of control."""
@@ -46,6 +56,7 @@ class RobotElevation:
 
     def _take(self, now: float, fields: dict[str, Any]) -> None:
         mapper = self.mapper
-        if mapper is not None and mapper.take_cloud(now, fields['points']):
+        # One that began before is there only if somebody looked.
+        if mapper is not None and now >= self._since and mapper.take_cloud(now, fields['points']):
             for tell in self.on_map:
                 tell(mapper.elevation, now)

@@ -255,6 +255,7 @@ class Go2(Robot):
         truth = world.base_since_start() if self.options.estimator == 'truth' else None
         if self.outside is not None:
             self.outside.step(dt)
+        self.elevation.prepare()
         own = self.legs.control(world.read(), world.joint_names, world.motor_names, dt, truth)
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
