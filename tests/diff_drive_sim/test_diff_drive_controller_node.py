@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
+from pathlib import Path
+import re
 
 from builtin_interfaces.msg import Time
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode, main
@@ -81,11 +83,12 @@ def feed(peer, spawn, spin_until):
 class Rig:
     """A simulator and a controller that know each other by topics only."""
 
-    def __init__(self, spawn, spin_until):
-        self.simulator = spawn(SimulatorNode())
+    def __init__(self, spawn, spin_until, **parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.simulator = spawn(SimulatorNode(parameter_overrides=overrides))
         self.simulator.schedule_publishing()
         self.world = self.simulator._world
-        self.driver = spawn(DiffDriveControllerNode())
+        self.driver = spawn(DiffDriveControllerNode(parameter_overrides=overrides))
         self.peer = spawn(Peer())
         self._pump, self._spin_until = spawn.pump, spin_until
         for topic, count in (('joint_commands', 2), ('joint_states', 1), ('cmd_vel', 1)):
@@ -288,3 +291,11 @@ def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, ov
     said = capsys.readouterr().err
     assert said.startswith(f'error: {message}')
     assert said.count('\n') == 1
+
+
+def test_a_controller_of_its_own_says_once_that_wheels_slip(spawn, spin_until, capfd):
+    description = Path(__file__).parents[1] / 'catalogue/wheels/dragging.xacro'
+    rig = Rig(spawn, spin_until, description=str(description))
+    rig.run(4.0, (0.3, 0.0))
+    (share,) = re.findall(r'wheels slip or hang in the air: (-?\d+) %', capfd.readouterr().err)
+    assert 0 <= int(share) < 75
