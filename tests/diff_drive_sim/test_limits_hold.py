@@ -123,9 +123,8 @@ def count_violations(seed, robots):
     return violations, saturated
 
 
-@pytest.mark.parametrize('seed', range(100, 102))
-def test_no_limit_is_broken_in_four_hundred_thousand_steps(seed):
-    violations, saturated = count_violations(seed, robots=500)
+def test_no_limit_is_broken_in_two_hundred_thousand_steps():
+    violations, saturated = count_violations(100, robots=500)
     assert violations == []
     assert saturated > 5000
 

@@ -100,12 +100,12 @@ def see_four_taps_be_four_steps_and_end_with_the_browser(browser: Any, saved: Pa
         for key in '24':
             tap(browser, key)
             wait_for_key(saved, key, since=before)
-            time.sleep(0.5)
+            time.sleep(0.2)
         for _ in range(4):
             tap(browser, 'w')
             time.sleep(0.3)
         wait_for_key(saved, 'w', times=4, since=before)
-        time.sleep(1.0)
+        time.sleep(0.5)
         # Each is a step of the stick: test_page_is_lost.py looks at what they command.
         assert presses(saved)[before:] == ['2', '4', 'w', 'w', 'w', 'w']
     browser.quit()
@@ -125,10 +125,10 @@ def test_the_go2_is_seen_standing_up_and_walking_and_a_tap_is_a_step(
     lying = wait_for(picture, lambda image: is_dog(image).mean() > 0.005, 'the dog')
     press('2')
     wait_for(picture, lambda image: height_of_dog(image) > 1.25 * height_of_dog(lying), 'a stand')
-    time.sleep(2.0)  # until it is up
+    time.sleep(1.2)  # until it is up
     standing = picture()
     press('4')
-    time.sleep(1.0)  # sticks are centred when the state is entered
+    time.sleep(0.5)  # sticks are centred when the state is entered
     press(8 * 'w')
     walking = wait_for(picture, lambda image: changed(standing, image) > 0.15, 'a walk')
     assert is_dog(walking).mean() > 0.5 * is_dog(standing).mean()
@@ -137,7 +137,6 @@ def test_the_go2_is_seen_standing_up_and_walking_and_a_tap_is_a_step(
     (size,) = map(int, re.findall(r'Model bundle: (\d+) byte', said))
     assert size > LEAST_MODEL
     assert errors_in(console) == []
-    time.sleep(1.5)
     try:
         see_four_taps_be_four_steps_and_end_with_the_browser(browser, tmp_path / 'keys.txt')
     finally:  # where the browser is too slow for taps, too

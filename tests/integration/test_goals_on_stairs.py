@@ -17,7 +17,7 @@ WORLD, LANDING = 'stairs:0.15', 0.9
 RISERS = 0.8 + 0.3 * np.arange(6)
 STAND = tuple(parse_key_script('0.3 2\n2.8 5', 'stand'))
 # It has stood up and looked about by then [s].
-LOOKED = 8
+LOOKED = 5
 
 
 def begin(eyes, goal=None):
@@ -81,11 +81,5 @@ def test_without_sight_stairs_are_an_obstacle():
     run = begin(eyes=False)
     try:
         assert (kinds(run, RISERS[1]) == OCCUPIED).any(axis=0).all()
-    finally:
-        run.close()
-    run = begin(eyes=True)
-    try:
-        assert (kinds(run, RISERS[1]) == OCCUPIED).any(axis=0).mean() < 0.5
-        assert run.report()['falls'] == 0
     finally:
         run.close()

@@ -22,7 +22,7 @@ FILES = (
     EXAMPLES / 'hyq_description/robots/hyq_no_sensors.urdf',
     EXAMPLES / 'panda_description/urdf/panda.urdf',
 )
-ROUNDS = 34  # of each file: 204 in all
+ROUNDS = 12  # of each file: 72 in all
 # What is put in the place of something else.
 BITS = (
     *(
