@@ -46,7 +46,7 @@ def test_keys_and_cmd_vel_walk_the_simulated_robot_over_topics(
 ):
     rig = Rig(spawn, spin_until, description, estimator=estimator)
     rig.press('2', 'fixed stand')
-    rig.run(1.5)
+    rig.run(2.2)
     assert rig.world.base().position[2] == pytest.approx(height, abs=0.025)
     rig.press('5', 'move base')
     for _ in range(8):

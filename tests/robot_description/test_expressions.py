@@ -202,7 +202,7 @@ def test_a_fork_among_threads_that_hold_locks_goes_through(tmp_path):
     for thread in threads:
         thread.start()
     try:
-        assert all('name="2"' in expand_document(path).urdf for _ in range(8))
+        assert all('name="2"' in expand_document(path).urdf for _ in range(30))
     finally:
         is_over.set()
         for thread in threads:
