@@ -3,7 +3,9 @@
 
 from importlib import import_module
 import json
+import os
 from pathlib import Path
+import sys
 import time
 import uuid
 
@@ -16,7 +18,7 @@ from rclpy.node import Node
 ROOT = Path(__file__).resolve().parents[2]
 EXECUTABLES = {name: target.partition('.')[0] for name, target in SCRIPTS.items()}
 PACKAGES = sorted(set(EXECUTABLES.values()))
-# What runs a program; none is loaded for its help.
+# What runs each program.
 PROGRAMS = sorted(
     getattr(import_module(module), name).module
     for module, _, name in (target.partition(':') for target in SCRIPTS.values())
@@ -38,8 +40,10 @@ print(json.dumps({name: importlib.import_module(name).__file__ for name in names
 
 
 def test_each_package_and_program_is_imported_from_the_workspace(workspace):
-    done = workspace.run('python3', '-c', WHERE, *PACKAGES, *PROGRAMS)
+    done = workspace.run(sys.executable, '-c', WHERE, *PACKAGES, *PROGRAMS)
     assert done.returncode == 0, done.stderr
+    for name, package in EXECUTABLES.items():
+        assert os.access(workspace.install / package / 'lib' / package / name, os.X_OK)
     for name, path in json.loads(done.stdout).items():
         build = workspace.install.parent
         assert Path(path).is_relative_to(build), f'{name} is imported from {path}'
@@ -68,13 +72,6 @@ def test_a_command_works_from_the_workspace(workspace):
     done = workspace.run(str(path), 'info', 'mbot')
     assert (done.returncode, done.stderr) == (0, '')
     assert done.stdout
-
-
-def test_every_executable_answers_help(workspace):
-    for name, package in EXECUTABLES.items():
-        done = workspace.run(str(workspace.install / package / 'lib' / package / name), '--help')
-        assert (done.returncode, done.stderr) == (0, '')
-        assert f'usage: {name}' in done.stdout
 
 
 @pytest.mark.parametrize(
