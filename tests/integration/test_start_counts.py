@@ -17,8 +17,7 @@ from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
-# Before anything else takes these functions by their names. The robots in the argument are built,
-# and what was called meanwhile is printed.
+# Before anything else takes these functions by their names.
 COUNT = """
 import collections, json, sys
 
@@ -74,12 +73,12 @@ def compiled() -> None:
 
 
 @pytest.mark.usefixtures('compiled')
-@pytest.mark.parametrize('build', [SESSION, NODE, SCRIPT], ids=['session', 'node', 'script'])
-def test_a_go2_is_read_parsed_recognised_and_modelled_once(isolated_ros, build):
-    code = f'{COUNT}{build}print(json.dumps(counts))'
+def test_a_go2_is_read_parsed_recognised_and_modelled_once(isolated_ros):
+    builds = (SESSION, NODE, SCRIPT)
+    code = COUNT + ''.join(f'{each}print(json.dumps(counts))\ncounts.clear()' for each in builds)
     done = subprocess.run(
         [sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=PATIENCE
     )
     assert done.returncode == 0, done.stderr
-    counts = json.loads(done.stdout.splitlines()[-1])
-    assert counts == {'read': 1, 'parsed': 1, 'recognised': 1, 'modelled': 1}
+    found = [json.loads(line) for line in done.stdout.splitlines()[-len(builds) :]]
+    assert found == len(builds) * [{'read': 1, 'parsed': 1, 'recognised': 1, 'modelled': 1}]

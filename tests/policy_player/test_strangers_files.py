@@ -297,7 +297,6 @@ def test_an_action_in_numbers_of_another_precision_is_played(tmp_path, rng, kind
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_a_network_that_draws_draws_the_same_in_each_process(tmp_path):
     path = tmp_path / 'walk.onnx'
     path.write_bytes(onnx(*ZERO, mjlab(MOTORS), last='RandomNormalLike'))
