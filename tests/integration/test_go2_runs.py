@@ -248,14 +248,6 @@ def test_it_climbs_a_slope_of_15_degrees(run: Callable[..., Series]) -> None:
     assert climbed.during('rpy', 4.9, 6.4)[:, 1].mean() == pytest.approx(-0.26, abs=0.06)
 
 
-def test_it_walks_over_boxes_of_5_cm(run: Callable[..., Series]) -> None:
-    walked = run(
-        '--world', 'boxes:0.05', '--duration', '6.4', play=STAND_AND_MOVE_BASE, twist='1.1 0.5 0 0'
-    )
-    assert walked.report['falls'] == 0
-    assert walked.at('position', 6.3)[0] > 1.8
-
-
 def test_its_chin_clears_the_second_stair_of_12_cm(run: Callable[..., Series]) -> None:
     """The fore feet look for the top of the first one meanwhile."""
     stairs = ('--world', 'stairs:0.12', '--duration', '4.1')

@@ -37,6 +37,12 @@ def test_what_is_knocked_over_has_fallen_and_gets_up() -> None:
     assert 'get up' in knocked['states']['go2']
 
 
+def test_over_boxes_of_5_cm_it_walks_at_half_a_metre_a_second_for_three() -> None:
+    walked = WRITTEN['runs']['boxes']
+    assert walked['falls'] == [0]
+    assert walked['ends']['go2'][0] > 1.1
+
+
 @for_all('name', golden_runs.RUNS)
 def test_a_run_gives_what_is_written_down(name: str, outcome: Any) -> None:
     written, now = WRITTEN['runs'][name], outcome['runs'][name]

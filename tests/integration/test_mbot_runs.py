@@ -14,11 +14,6 @@ Report = dict[str, Any]
 RunMbot = Callable[..., Report]
 
 HOLD_I = '0.5 i*90'
-SQUARE = '\n'.join(
-    f'{7 * side} 0.25 0 0\n{7 * side + 4} 0 0 0\n'
-    f'{7 * side + 4.5} 0 0 {math.pi / 4}\n{7 * side + 6.5} 0 0 0'
-    for side in range(4)
-)
 
 
 def displacement(report: Report) -> float:
@@ -88,14 +83,6 @@ def test_odometry_is_within_a_twentieth_of_a_degree_on_a_full_turn(report_of: Ru
     _, angle = odometry_errors(report)
     assert math.degrees(turned[-1]) == pytest.approx(360.0, abs=1.0)
     assert math.degrees(angle) <= 0.05
-
-
-def test_odometry_is_within_1_mm_on_a_square_of_4_x_1_m(report_of: RunMbot) -> None:
-    report = report_of(twist=SQUARE)
-    corners = np.array(report['samples']['position'])[:, :2]
-    np.testing.assert_allclose(corners.max(axis=0), [1.0, 1.0], atol=0.005)
-    distance, _ = odometry_errors(report)
-    assert distance <= 0.001
 
 
 def test_a_run_in_real_time_gives_the_same_samples_as_one_at_full_speed(

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 
 # A robot stands so soon after its page is gone [s].
 STOP_TIME = 1.0
-WAYS = ('closed', 'killed', 'frozen', 'silent')
+WAYS = ('killed', 'frozen', 'silent')
 
 
 class Robot:
@@ -146,14 +146,12 @@ def lose(way: str, url: str, client: Callable[..., Any], robot: Robot) -> contex
     def has_moved() -> bool:  # a page that is starved meanwhile is lost, and rightly so
         return not all(is_zero(twist) for _, twist in robot.commands[before:])
 
-    if way in ('silent', 'closed'):
+    if way == 'silent':
         page = left.enter_context(PagePuppet(url, patience=PATIENCE))
         page.draw()
         page.keys = {page_puppet.code('I')}
         robot.wait_until(has_moved, 'driving')
         page.is_silent = True
-        if way == 'closed':
-            left.close()
         return left
     process = client(url, 'I')
     robot.wait_until(has_moved, 'driving')

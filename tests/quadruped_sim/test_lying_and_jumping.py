@@ -143,9 +143,7 @@ def anymal() -> tuple[World, RobotModel]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    'hooked', [(0, 2.6, 2.5, 0.4), (1, -2.6, 2.9, -0.6), (1, -3.82, 9.04, 2.78)]
-)
+@pytest.mark.parametrize('hooked', [(1, -2.6, 2.9, -0.6), (1, -3.82, 9.04, 2.78)])
 def test_a_leg_that_is_hooked_to_the_trunk_frees_itself(anymal, hooked):
     """ANYmal's hips turn all round: its knee hangs behind the trunk's edge, on the wrong side."""
     leg, *angles = hooked
@@ -328,7 +326,7 @@ def test_it_jumps_40_cm_ahead_and_knows_about_where_it_is(jumper):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('height', 'distance'),
-    [(0.05, 0.15), (0.05, -0.075), (0.14, 0.2), (0.2, 0.0), (0.2, 0.5), (0.2, -0.25)],
+    [(0.05, 0.15), (0.05, -0.075), (0.2, 0.5), (0.2, -0.25)],  # the ends of both
 )
 def test_it_jumps_as_high_and_far_as_it_is_asked_within_2_and_3_cm(jumper, height, distance):
     dog, start, _ = jumper(height=height, distance=distance)

@@ -99,7 +99,7 @@ ANNOUNCED = {'during': 0.0, 'after': 0.6, 'never': None}
 @pytest.mark.parametrize(
     ('program', 'announced'),
     # The others read keys as teleop does.
-    [('teleop', 'during'), ('teleop', 'after'), ('pair', 'during'), ('mbot', 'never')],
+    [('teleop', 'during'), ('pair', 'after'), ('mbot', 'never')],
 )
 def test_a_key_ends_with_its_repeats(program, announced, listener, request):
     process = request.getfixturevalue(program)

@@ -146,7 +146,6 @@ def places_after_a_stop(run, origin, holds):
     ('move', 'origin'),
     [
         *itertools.product(['mbot'], ORIGINS),
-        ('go2 trots', 'topic e_stop'),
         ('go2 trots', LEGS_SERVICE),
     ],
 )

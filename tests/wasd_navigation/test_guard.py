@@ -329,9 +329,9 @@ def test_a_walk_that_drifts_towards_a_box_does_not_touch_it() -> None:
     ('footprint', 'full'), [(ROUND, (1.0, 0.0, 4.0)), (LONG, (0.8, 0.5, 2.0))]
 )
 def test_keys_held_at_full_speed_touch_nothing_and_still_drive(footprint, full) -> None:
-    seeds = range(12)
+    seeds = range(6)
     free = [hold_keys(seed, footprint, full, guards=False)[0] for seed in seeds]
-    assert sum(room < 0.0 for room in free) >= 6
+    assert sum(room < 0.0 for room in free) >= 3
     held = [hold_keys(seed, footprint, full, guards=True) for seed in seeds]
     assert min(room for room, _ in held) > 0.0
     assert np.median([way for _, way in held]) > 0.8
