@@ -61,7 +61,7 @@ class Drive:
     def reach(self, speed):
         """Simulate until the wheels have a speed [m/s]; a busy machine needs more than once."""
         for _ in range(10):
-            if self.run(2.0)[-1][1] == pytest.approx(speed, rel=0.1):
+            if self.run(1.0)[-1][1] == pytest.approx(speed, rel=0.1):
                 return
         pytest.fail(f'{self.speeds[-1][1]} m/s, wanted {speed}')
 
@@ -95,7 +95,7 @@ def test_a_drive_that_was_stopped_stands_when_it_goes_on(spawn, spin_until, cont
         drive.run(stopped - still_sent)
         controller.send_signal(signal.SIGCONT)
         begin = drive.world.time
-        speeds = drive.run(TIMEOUT + 3.0)
+        speeds = drive.run(TIMEOUT + 1.2)
         assert max(speed for _, speed in speeds) <= 1.05 * SPEED
         # Time here waits for nobody: on a busy machine the controller takes a while to go on.
         late = [speed for when, speed in speeds if when > begin + TIMEOUT + 0.5]

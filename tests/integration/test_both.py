@@ -14,14 +14,14 @@ pytestmark = pytest.mark.slow
 
 # Who is driven, and which keys: go2 begins.
 PARTS = (
-    ('0.1 2\n1.2 4\n1.4 w*20', 2.2),
-    ('2.3 i*30\n3.4 j*6', 3.7),
-    ('3.75 a*10\n4.1 l*5', 4.4),
-    ('4.45 u*15', 5.0),
-    ('5.05 SPACE', 5.1),
+    ('0.1 2\n1.2 4\n1.4 w*15', 2.0),
+    ('2.05 i*24\n2.9 j*5', 3.1),
+    ('3.15 a*8\n3.45 l*3', 3.6),
+    ('3.65 u*6', 3.9),
+    ('3.95 SPACE', 4.0),
 )
-DURATION = '5.2'
-FIRST_OF_MBOT = 2.3e9  # [ns]
+DURATION = '4.1'
+FIRST_OF_MBOT = 2.05e9  # [ns]
 SCRIPT = '\n'.join(f'{keys}\n{end} TAB' for keys, end in PARTS)
 GO2_KEYS = '\n'.join(keys for keys, _ in PARTS[0::2])
 MBOT_KEYS = '\n'.join(keys for keys, _ in PARTS[1::2])

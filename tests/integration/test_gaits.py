@@ -9,7 +9,7 @@ from quadruped_sim.presets import GAITS
 from quadruped_sim.tuning import GaitParameters
 import wasd
 
-STEPS, COUNT = 0.1, 12
+STEPS, COUNT = 0.1, 8
 # Ramp and settling before the speed counts, of each axis [s]; some gaits gain speed slowly. Ahead
 # comes last: from there the gait changes.
 SETTLE = {2: 1.4, 1: 2.0, 0: 3.0}

@@ -102,7 +102,7 @@ def test_a_robot_finds_its_place_in_a_saved_map_and_drives_there(house):
 
 
 def test_the_go2_maps_with_the_lidar_on_its_back_and_walks_to_a_goal(ros):
-    keys = tuple(parse_key_script('0.3 2\n2.8 5', 'keys'))
+    keys = tuple(parse_key_script('0.3 2\n1.6 5', 'keys'))
     report = run(9.0, 'go2', preset='unitree', keys=keys, goals=((0.0, 0.5, 0.0),))
     (goal,) = report['navigation']['goals']
     assert goal['state'] == 'arrived', goal['reason']

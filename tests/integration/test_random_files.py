@@ -17,7 +17,7 @@ from teleop_keyboard.keymap_file import load_preset
 from wasd_core.errors import UserError
 from wasd_core.parameters import known_parameters, numeric_ends, Parameters
 
-FILES = 1000  # of each reader
+FILES = 400  # of each reader
 # Scalars as people and other programs write them, and as nobody should.
 SCALARS = (
     *('0', '1', '-1', '0.3', '1e-3', '0x1F', '0o17', '1_000', '1:30', '+.5', '0,5', '1e400'),

@@ -34,9 +34,9 @@ importlib.util.find_spec = lambda name, *rest: None if name == 'rclpy' else look
 sys.meta_path.insert(0, Hide())
 """
 RUNS = {
-    'go2': ('go2 --duration 3.2', '0.1 2\n2.2 5\n', '2.3 0.5 0 0.3\n'),
+    'go2': ('go2 --duration 2.2', '0.1 2\n1.2 5\n', '1.3 0.5 0 0.3\n'),
     'map and goal': ('mbot --duration 4 --world flat:3 --map --goal "0.2 0.1"', '', ''),
-    'both': ('both --duration 3.2', '0.1 2\n2.2 4\n2.3 w*4\n2.4 TAB i*20\n2.9 j*9\n', ''),
+    'both': ('both --duration 2.2', '0.1 2\n1.2 4\n1.3 w*4\n1.4 TAB i*20\n1.9 j*9\n', ''),
 }
 
 

@@ -37,7 +37,7 @@ def test_no_other_process_looks_at_it_first(monkeypatch):
 def test_it_walks_turns_takes_a_push_and_gives_way_to_the_legs_while_it_moves():
     dog = wasd.Go2(seed=31, policy='ours')
     dog.press('2')
-    dog.run(2.5)
+    dog.run(1.3)
     dog.press('p')
     dog.run(1.5)
     found = {}
@@ -97,7 +97,7 @@ def test_p_pressed_while_a_run_halts_waits_for_the_halt():
     dog = wasd.Go2(seed=1, policy='ours')
     for phase in range(4):
         dog.reset()
-        for key, seconds in (('2', 2.0), ('4', 0.5), *[('w', 0.0)] * 20):
+        for key, seconds in (('2', 1.3), ('4', 0.5), *[('w', 0.0)] * 20):
             dog.press(key)
             dog.run(seconds)
         dog.run(2.0 + 0.05 * phase)
@@ -115,7 +115,7 @@ def test_p_pressed_while_a_run_halts_waits_for_the_halt():
 @pytest.mark.slow
 def test_odometry_rises_with_a_network_that_walks_up_a_slope():
     dog = wasd.Go2('slope:5', seed=1, policy='ours')
-    for key, seconds in (('2', 2.5), ('p', 1.2)):
+    for key, seconds in (('2', 1.3), ('p', 1.2)):
         dog.press(key)
         dog.run(seconds)
     start = dog.truth.position[2] - dog.odometry.position[2]

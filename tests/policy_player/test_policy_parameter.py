@@ -53,7 +53,7 @@ def test_a_network_sees_the_step_ahead_as_it_is_or_as_the_robot_has_mapped_it(
     write_layers(tmp_path / 'a.onnx', WITH_HEIGHTS, still)
     dog = wasd.Go2('step:0.1', policy=tmp_path / 'a.onnx', height_scan=scan)
     dog.press('2')
-    dog.run(2.5)
+    dog.run(1.3)
     dog.press('5')
     while dog.truth.position[0] < 0.45:
         dog.drive(0.3)

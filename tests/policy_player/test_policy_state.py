@@ -40,7 +40,7 @@ def dog(one):
     """That robot as it stands."""
     if one.state != 'fixed stand':
         one.press('2')
-        one.run(2.5)
+        one.run(1.3)
     return one
 
 
@@ -109,7 +109,7 @@ def test_p_leads_from_nowhere_but_the_stand_and_needs_a_policy(dog):
         dog.press('p')
     other = wasd.Go2(seed=1)
     other.press('2')
-    other.run(2.0)
+    other.run(1.3)
     with pytest.raises(wasd.UserError, match='policy=FILE'):
         other.press('p')
     assert 'policy' not in [choice.state for choice in other._robot.choices()]
@@ -196,7 +196,7 @@ def test_who_is_not_commanded_stands_though_training_never_stood(tmp_path):
     path.write_bytes(onnx(*constant(45, np.zeros(12)), mjlab(MOTORS, **told)))
     dog = wasd.Go2(seed=1, policy=path)
     dog.press('2')
-    dog.run(2.0)
+    dog.run(1.3)
     dog.press('p')
     dog.run(SETTLE_TIME + 0.1)
     np.testing.assert_allclose(player(dog).observation[6:9], 0.0, atol=1e-6)
@@ -225,7 +225,7 @@ def test_any_joint_order_stands_alike(tmp_path, standing):
         config = write(tmp_path / name, 'config.yaml', said)
         dog = wasd.Go2(seed=1, policy=standing[0], policy_config=config)
         dog.press('2')
-        dog.run(2.0)
+        dog.run(1.3)
         dog.press('p')
         dog.run(1.0)
         heights.append(dog._robot.world.joints().position)

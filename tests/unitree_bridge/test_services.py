@@ -203,15 +203,15 @@ def test_stand_up_stands_within_three_seconds_and_stand_down_lies(rig):
 
 
 @pytest.mark.slow
-def test_move_at_0_3_for_ten_seconds_is_three_metres(standing):
+def test_move_at_0_3_for_four_seconds_is_a_metre_and_a_fifth(standing):
     rig = standing
     start = rig.position[0]
-    for _ in range(100):
+    for _ in range(40):
         rig.call('sport', MOVE, noreply=True, x=0.3, y=0.0, z=0.0)
         rig.run(0.098)
     rig.call('sport', STOP)
     rig.run(2.0)
-    assert rig.position[0] - start == pytest.approx(3.0, rel=0.05)
+    assert rig.position[0] - start == pytest.approx(1.2, rel=0.05)
     assert np.hypot(*rig.go2.world.base().linear_velocity[:2]) < 0.05
 
 

@@ -29,7 +29,7 @@ class Walk:
         self.session = make_ros_run(options)
         self._bridge = CockpitBridge(self.session)
         self.snapshots, self.feet, self.stances = [], [], []
-        for keys, seconds in (('2', 2.5), ('4', 0.5), ('wwwww', 2.0)):
+        for keys, seconds in (('2', 1.3), ('4', 0.5), ('wwwww', 2.0)):
             for key in keys:
                 self.session.press(key)
             self._advance(seconds)
