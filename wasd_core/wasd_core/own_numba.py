@@ -6,59 +6,32 @@ numba reads `.numba_config.yaml` in the current folder, when it is imported and 
 and unpickles what lies in its cache: either one runs the code of the user who wrote it.
 """
 
-from collections.abc import Sequence
 import contextlib
 import functools
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 import os
 from pathlib import Path
 import shutil
 import sys
-from types import CodeType, ModuleType
 from typing import Any
+import warnings
 
 from wasd_core.cache import cache_folder, say_once, why_unfit
 from wasd_core.ownership import others_can_write
 
-CONFIG, CONFIG_FILE = 'numba.core.config', '.numba_config.yaml'
-
-
-class _ConfigLoader(SourceFileLoader):
-    """Loads numba's settings from the environment alone."""
-
-    def get_code(self, fullname: str) -> CodeType | None:
-        """Return the module's code, in which the name of the file is that of none."""
-        code = super().get_code(fullname)
-        if code is None:
-            return None
-        constants = ('' if each == CONFIG_FILE else each for each in code.co_consts)
-        return code.replace(co_consts=tuple(constants))
-
-
-class _ConfigFinder(MetaPathFinder):
-    """Finds numba's settings for our loader."""
-
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        """Return where the settings are; None for any other module."""
-        if fullname != CONFIG:
-            return None
-        spec = PathFinder.find_spec(fullname, path, target)
-        if spec is not None and isinstance(spec.loader, SourceFileLoader):
-            spec.loader = _ConfigLoader(fullname, spec.loader.path)
-        return spec
-
 
 def _import_numba() -> None:
     """Import numba; where another has done so before, have it forget the current folder's file."""
-    finder = _ConfigFinder()
-    sys.meta_path.insert(0, finder)
+    yaml = sys.modules.get('yaml')
+    # Without yaml numba cannot read the file. It would warn where there is one.
+    sys.modules['yaml'] = None  # type: ignore[assignment]
     try:
-        from numba.core import config
+        with warnings.catch_warnings():
+            warnings.filterwarnings('ignore', module='numba.core.config')
+            from numba.core import config
     finally:
-        sys.meta_path.remove(finder)
+        del sys.modules['yaml']
+        if yaml is not None:
+            sys.modules['yaml'] = yaml
     config._config_fname = ''
     config.reload_config()
 
