@@ -12,14 +12,7 @@ from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from wasd_bringup.run.report import (
-    build_report,
-    Recorder,
-    report_pieces,
-    Sample,
-    TrunkWatch,
-    UP_AGAIN,
-)
+from wasd_bringup.run.report import build_report, Recorder, Sample, to_json, TrunkWatch, UP_AGAIN
 from wasd_core.output_file import OutputFile
 
 pytestmark = pytest.mark.slow
@@ -162,7 +155,7 @@ def test_a_run_of_no_length_has_a_report(recorder):
 
 def write_report(report, path):
     """Write a report as a run does."""
-    OutputFile(path, '--report').write(report_pieces(report))
+    OutputFile(path, '--report').write(to_json(report))
 
 
 def test_a_report_can_be_read_back_by_everybody(recorder, tmp_path):

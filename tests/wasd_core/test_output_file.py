@@ -3,6 +3,7 @@
 
 import os
 from pathlib import Path
+import resource
 import stat
 import subprocess
 import sys
@@ -47,7 +48,7 @@ def test_a_file_that_is_replaced_keeps_its_mode(tmp_path):
     path = tmp_path / 'old'
     path.write_text('old and longer')
     path.chmod(0o604)
-    output(path).write([b'n', b'e', b'w'])
+    output(path).write(b'new')
     assert path.read_text() == 'new'
     assert stat.S_IMODE(path.stat().st_mode) == 0o604
 
@@ -71,14 +72,15 @@ def test_until_it_is_written_the_old_file_is_there(tmp_path):
 
 
 def test_what_breaks_off_leaves_the_old_file_and_nothing_else(tmp_path):
-    def pieces():
-        yield b'half'
-        raise KeyboardInterrupt
-
     path = tmp_path / 'old'
     path.write_text('old')
-    with pytest.raises(KeyboardInterrupt):
-        output(path).write(pieces())
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4, hard))
+    try:
+        with pytest.raises(OutputError, match='File too large'):
+            output(path).write(b'too long')
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert path.read_text() == 'old'
     assert os.listdir(tmp_path) == ['old']
 

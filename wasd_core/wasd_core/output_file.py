@@ -6,7 +6,7 @@ A regular file is replaced at once: a reader, a crash or a kill finds the old on
 Links are followed; devices, pipes and descriptors such as /dev/stdout are written to.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 import contextlib
 import errno
 import os
@@ -60,29 +60,25 @@ class OutputFile:
         """Whether it is where this process prints to, and no file."""
         return not self.is_regular and identity('/dev/stdout') == identity(self.path)
 
-    def write(self, pieces: bytes | Iterable[bytes]) -> None:
+    def write(self, data: bytes) -> None:
         """
         Make these bytes all that is in the file.
 
         Raises:
             OutputError: the disk is full, or the like; a regular file is then as it was.
         """
-        self.begin(pieces)
+        self.begin(data)
         self.close()
 
-    def begin(self, pieces: bytes | Iterable[bytes] = b'') -> None:
+    def begin(self, data: bytes = b'') -> None:
         """
         Make these bytes the beginning of the file, which `append` continues.
 
         Raises:
             OutputError: as `write`.
         """
-        whole = [pieces] if isinstance(pieces, bytes) else pieces
         with self._one_line():
-            if self.is_regular:
-                self._replace(whole)
-            for piece in () if self.is_regular else whole:
-                self._send(piece)
+            (self._replace if self.is_regular else self._send)(data)
 
     def append(self, data: bytes) -> None:
         """
@@ -136,11 +132,10 @@ class OutputFile:
         os.unlink(name)
         return True
 
-    def _replace(self, pieces: Iterable[bytes]) -> None:
+    def _replace(self, data: bytes) -> None:
         file, name = self._new_file()
         try:
-            for piece in pieces:
-                _write_all(file, piece)
+            _write_all(file, data)
             self._take_after(file)
             os.replace(name, self._target)
         except BaseException:

@@ -3,6 +3,7 @@
 
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 import json
 import math
 from typing import Any, NamedTuple
@@ -178,22 +179,12 @@ def join_reports(reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def report_pieces(report: dict[str, Any]) -> Iterator[bytes]:
-    """Yield the bytes of a report as json.dumps makes them, a column of its samples at a time."""
-    found: list[Samples] = []
-    mark = '\0samples'  # as a name of anything else it could not be given
+def to_json(report: dict[str, Any]) -> bytes:
+    """Return a report as JSON; columns become lists one at a time, which take much memory."""
 
-    def stand_in(value: Any) -> str:
-        if not isinstance(value, Samples):
-            raise TypeError(f'{type(value).__name__} is not for JSON')
-        found.append(value)
-        return mark
+    def plain(value: Any) -> Any:
+        if isinstance(value, Samples):
+            return {name: partial(value.__getitem__, name) for name in value}
+        return value()
 
-    first, *rest = json.dumps(report, default=stand_in).split(json.dumps(mark))
-    yield first.encode()
-    for samples, text in zip(found, rest, strict=True):
-        before = '{'
-        for name, column in samples.items():
-            yield f'{before}{json.dumps(name)}: {json.dumps(column)}'.encode()
-            before = ', '
-        yield f'}}{text}'.encode()
+    return json.dumps(report, default=plain).encode()

@@ -32,7 +32,7 @@ from wasd_bringup.run.inputs import (
     TWIST_RATE,
 )
 from wasd_bringup.run.options import AFTERGLOW, RunOptions
-from wasd_bringup.run.report import join_reports, report_pieces
+from wasd_bringup.run.report import join_reports, to_json
 from wasd_bringup.run.robot import Robot
 from wasd_bringup.run.show import show_robot
 from wasd_bringup.run.worlds import build_robots
@@ -312,7 +312,7 @@ class Run:
 
     def _write_report(self) -> None:
         if self.options.report is not None:
-            self.options.report.write(report_pieces(self.report()))
+            self.options.report.write(to_json(self.report()))
 
     def _release(self) -> None:
         for close in self.listeners.of_end:
