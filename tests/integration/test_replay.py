@@ -171,6 +171,42 @@ def test_ros_arguments_are_repeated_but_for_other_names_of_topics(run: Any) -> N
     assert done.stderr == said
 
 
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('has_program', [False, True])
+def test_keys_beside_an_interface_are_repeated_and_what_its_programs_did_is_refused(
+    run: Any, isolated_ros: int, has_program: bool
+) -> None:
+    """With the interface the controller of a network runs in each instant."""
+    pytest.importorskip('cyclonedds')
+    runner, path = run[0], run[0].folder / 'unitree.mcap'
+    keys = tuple(parse_key_script('0.1 2\n1.9 p\n2 w*8', 'keys'))
+    options = RunOptions(
+        robot='go2',
+        description='go2',
+        preset='unitree',
+        keys=keys,
+        speed=0.0,
+        policy='ours',
+        interface='unitree',
+        domain=isolated_ros,
+    )
+    recorder = BagRecorder(path, describe_run(options))
+    session = make_ros_run(options, recorder=recorder)
+    session.simulation.advance(3000)
+    if has_program:
+        session.interfaces[0].bridge.release_motors()
+        session.simulation.advance(100)
+    session.close()
+    recorder.close()
+    done = runner('replay', path.name, '--drive')
+    if has_program:
+        said = 'an SDK program had the motors, or switched a guard on: cannot be driven again'
+        assert (done.returncode, done.stderr) == (2, f'error: unitree.mcap: {said}\n')
+    else:
+        same = (0, '150 of 150 recorded poses are identical\n')
+        assert (done.returncode, done.stdout) == same
+
+
 def test_files_of_ros_arguments_are_found_from_another_folder(run: Any, new_runner: Any) -> None:
     runner = run[0]
     words = ('mbot', '--duration', '1', '--speed', '0', '--record', 'files.mcap')

@@ -248,10 +248,14 @@ def test_programs_switch_the_guard_that_stops_before_a_wall():
         run.run(0.098)
         return touched(run.robot.world) - {'floor'}
 
-    for is_on in (True, False, True):
+    deeds, told = [], []
+    run.driver.on_deed = lambda: deeds.append(run.robot.world.time)
+    for is_on in (False, True, False, True):
         assert run.call(1001, 'obstacles_avoid', enable=is_on) == 0
+        told.append(len(deeds))
         # As much room as any guard of a Go2 keeps.
         assert guard.unit._parameters.footprint_padding == SWAY
+    assert told == [0, 1, 1, 1]  # for a recording
     run.call(STAND_UP)
     run.run(2.0)
     for _ in range(55):

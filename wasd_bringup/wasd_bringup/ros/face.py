@@ -203,6 +203,8 @@ class RosFaces(Face):
             run.simulation.on_reset.append(lambda: bag.event('reset'))
             run.simulation.on_step.append(lambda: bag.event('step'))
             run.listeners.of_e_stop.append(lambda: bag.event('e-stop'))
+            for interface in run.interfaces:
+                interface.on_deed = functools.partial(bag.event, 'program')
 
     def _let_drive(self) -> None:
         run = self._run

@@ -281,7 +281,7 @@ class Go2(Robot):
 
     def rest(self) -> float:
         """Return for how long from now [s] the controller has nothing to do: motors hold."""
-        if self.outside is not None:
+        if self.outside is not None or self.options.interface is not None:
             return 0.0
         until_read = self._until_read()
         return until_read if until_read > ROUNDING else until_read + self._lead

@@ -144,8 +144,8 @@ class Run:
             robot.prepare()
         self.guards = self._make_guards()
         self.navigations = self._make_navigations()
-        self._interfaces = self._make_interfaces()
-        self._drivers: list[Driver] = [*self.navigations, *self._interfaces]
+        self.interfaces = self._make_interfaces()
+        self._drivers: list[Driver] = [*self.navigations, *self.interfaces]
         self.face.begin()
         self._schedule()
 
@@ -174,8 +174,8 @@ class Run:
 
     def _make_interfaces(self) -> 'list[UnitreeDriver]':
         """Return Unitree's interface of each robot with legs, where it was asked for."""
-        if self.options.interface is None:
-            return []
+        if self.options.interface is None or self.options.commands is not None:
+            return []  # a recording has what programs did
         # Here, because few runs need it.
         from wasd_bringup.run.go2 import Go2
         from wasd_bringup.run.unitree import idle_guard, UnitreeDriver
@@ -231,7 +231,7 @@ class Run:
                 poll=self._poll,
                 each_second=self.face.each_second,
                 duration=self.options.duration,
-                may_advance=lambda: all(each.may_advance() for each in self._interfaces),
+                may_advance=lambda: all(each.may_advance() for each in self.interfaces),
             )
         finally:
             self._wall_time += time.monotonic() - started

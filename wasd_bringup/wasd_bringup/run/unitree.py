@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--interface unitree`: programs of Unitree's SDK drive the robot, as any other source does."""
 
+from collections.abc import Callable
 from functools import partial
 
 from unitree_bridge.bridge import Bridge, INTO, OUT
@@ -73,6 +74,8 @@ class UnitreeDriver:
             lidar=serve_lidar(self._legs, robot.sensors, robot.world),
         )
         self.may_advance = self.bridge.may_advance
+        # Hears once that a program does what neither a key nor a velocity says.
+        self.on_deed: Callable[[], object] = lambda: None
         robot.outside = self
         robot.drivers.on_take.append(self._give_way)
         robot.simulation.on_reset.append(self.bridge.reset)
@@ -86,6 +89,8 @@ class UnitreeDriver:
     def step(self, dt: float) -> None:
         """Take and tell what is due, `dt` [s] after the step before."""
         self.bridge.step(dt)
+        if self.bridge.low.is_released:
+            self._tell_deed()
 
     def motors(self) -> JointCommand | None:
         """Return the motors' command of a program, None where our controller has them."""
@@ -113,7 +118,13 @@ class UnitreeDriver:
     def _switch_guard(self, is_on: bool) -> bool:
         if self._guard is not None and not self.robot.options.guard:
             self._guard.unit.tune(guard_parameters_of(self.robot, enabled=is_on))
+            if is_on:
+                self._tell_deed()
         return self._guard is not None
+
+    def _tell_deed(self) -> None:
+        tell, self.on_deed = self.on_deed, lambda: None
+        tell()
 
     def _take_motors(self) -> bool:
         return self.robot.drivers.take(SOURCE, key=MOTORS, what='an SDK program (LowCmd)')

@@ -176,6 +176,7 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'seed': options.seed,
         'lidar': options.lidar,
         'untold': asdict(options.untold),
+        'interface': options.interface,
         'estimator': options.estimator,
         'limits': options.limits,
         'gait': options.gait,
@@ -218,6 +219,7 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             lidar=known.get('lidar', HONEST),
             seed=known['seed'],
             untold=_untold(known.get('untold')),  # older recordings have none
+            interface=known.get('interface'),  # nor this
             estimator=known['estimator'],
             limits=known['limits'],
             gait=known.get('gait'),  # nor this
@@ -309,7 +311,7 @@ def read_commands(bag: BagReader) -> tuple[Command, ...]:
     Return everything that commanded the robots, in the order in which it came.
 
     Raises:
-        RecordingError: the file is damaged.
+        RecordingError: the file is damaged, or a program did what is in no message.
     """
     keys = {topic: namespace for namespace, topic in robot_topics(bag, KEYS).items()}
     velocities = {topic: namespace for namespace, topic in robot_topics(bag, VELOCITIES).items()}
@@ -324,6 +326,9 @@ def read_commands(bag: BagReader) -> tuple[Command, ...]:
             text = deserialize_message(message.data, String).data
             if message.topic in keys:
                 commands.append(Command(time, keys[message.topic], key=text))
+            elif text == 'program':
+                did = 'an SDK program had the motors, or switched a guard on'
+                raise RecordingError(f'{bag.path}: {did}: cannot be driven again')
             else:
                 commands.append(Command(time, '', event=text))
     return tuple(commands)

@@ -163,7 +163,7 @@ def to_bytes(message: Any) -> bytes:
 
 # The file on disk is at most so much older than the run [s of wall time].
 SAVE_PERIOD = 0.5
-# What happens to a run from outside and is no message: 'reset', 'step', 'e-stop'.
+# What happens to a run from outside and is no message: 'reset', 'step', 'e-stop', 'program'.
 EVENTS = '/wasd/events'
 
 
