@@ -15,6 +15,7 @@ from typing import Any
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.drawing import SLOW_PAGE
 from mujoco_sim.viewer.input import PageInput, SILENCE
+from wasd_core.output_file import OutputError, OutputFile
 
 from wasd_cockpit import style
 from wasd_cockpit.layout import Layout, Place, TOUCH_SCALE
@@ -76,10 +77,8 @@ def save_settings(path: Path | None, settings: dict[str, Any]) -> None:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(f'.{os.getpid()}')
-        part.write_text(json.dumps(settings, indent=1))
-        part.replace(path)
-    except OSError as error:
+        OutputFile(path, '').write(json.dumps(settings, indent=1).encode())
+    except (OSError, OutputError) as error:
         _LOG.warning('the cockpit forgets how it was set up: %s', error)
 
 

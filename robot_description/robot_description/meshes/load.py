@@ -11,7 +11,6 @@ import json
 import os
 from pathlib import Path
 import struct
-import tempfile
 from typing import Any, NamedTuple, TypeVar
 import xml.etree.ElementTree as ElementTree
 import zipfile
@@ -19,6 +18,7 @@ import zipfile
 import numpy as np
 from wasd_core.cache import cache_folder
 from wasd_core.errors import one_line
+from wasd_core.output_file import OutputError, OutputFile
 
 from robot_description.meshes.files import EXTENSIONS
 from robot_description.robot import Robot, Shape
@@ -287,15 +287,10 @@ def _write_cache(path: Path | None, what: Mesh | Extent) -> None:
     """Write whole or not at all; a cache that cannot be written is none."""
     if path is None:
         return
-    with contextlib.suppress(OSError):
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix='.part')
-        try:
-            with os.fdopen(handle, 'wb') as file:
-                np.savez(file, **what._asdict())
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
+    data = io.BytesIO()
+    np.savez(data, **what._asdict())
+    with contextlib.suppress(OutputError):
+        OutputFile(path, '').write(data.getvalue())
 
 
 def _read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
