@@ -101,7 +101,7 @@ class CloudInput:
             robot, link = self._robot, message.header.frame_id
             if robot.carriers.get(link) != robot.carriers[robot.base]:
                 self._node.get_logger().warning(
-                    visible(f'points: {link} is not fixed to the base: no heights by it'),
+                    visible(f'points: {link} is no link fixed to the base: no heights by it'),
                     once=True,
                 )
                 return

@@ -131,7 +131,7 @@ def test_a_cloud_of_a_lidar_that_is_not_fixed_to_the_base_is_refused_in_a_line(s
     for _ in range(3):
         clouds._on_cloud(cloud('FL_calf'))
     assert not maps
-    assert capfd.readouterr().err.count('points: FL_calf is not fixed to the base') == 1
+    assert capfd.readouterr().err.count('points: FL_calf is no link fixed to the base') == 1
 
 
 def test_a_cloud_that_is_none_is_not_taken():

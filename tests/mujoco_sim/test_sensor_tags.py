@@ -96,7 +96,7 @@ def test_a_robot_without_sensors_has_none():
 @for_all(
     ('kind', 'word', 'plugin', 'topic', 'frame'),
     [
-        ('ray', 'ray', '', 'scan', 'head'),
+        ('ray', 'ray', '', 'scan', 'head/eye'),
         (
             'ray',
             'ray',

@@ -3,6 +3,7 @@ from dataclasses import dataclass
 import io
 import math
 
+from descriptions import robot_named
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.sensors import camera
 from mujoco_sim.sensors.measuring import Sensors
@@ -16,10 +17,13 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
+from robot_description.description import load_robot
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco.geoms import VISUAL_GROUP
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, LaserScan, Range
 from wasd_core.errors import SimulationError
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.topics import tf_message_type, TF_STATIC
 
 pytestmark = pytest.mark.slow
 
@@ -90,6 +94,45 @@ def test_a_scan_comes_5_5_times_a_second_and_sees_the_room(start, listen, run, s
     assert scan.angle_increment == pytest.approx(6.0 / 359.0)
     assert scan.ranges[180] == pytest.approx(3.0, abs=0.01)
     assert scan.range_min == pytest.approx(0.1) and scan.range_max == 6.0
+
+
+def test_a_scan_of_a_sensor_with_a_pose_has_a_frame_of_its_own_that_is_told(
+    spawn, listen, run, spin_until, tmp_path
+):
+    turned = robot_named('mbot').urdf
+    for old, new in (
+        ('<frameName>laser_link</frameName>', ''),
+        ('<update_rate>5.5</update_rate>',
+         '<update_rate>5.5</update_rate><pose>0.1 0 0 0 0 1.5707963</pose>'),
+    ):  # fmt: skip
+        assert turned.count(old) == 1
+        turned = turned.replace(old, new)
+    file = tmp_path / 'turned.urdf'
+    file.write_text(turned)
+    robot = load_robot(str(file))
+    world = build_world(robot, 'room')
+    noiseless = Parameter('sensor_noise', value=False)
+    node = spawn(SimulatorNode(robot, world, parameter_overrides=[SMALL, noiseless]))
+    node.schedule_publishing()
+    scans, told = listen(LaserScan, 'scan'), []
+    late = spawn(Node('late'))
+    late.create_subscription(
+        tf_message_type(), '/tf_static', lambda message: told.extend(message.transforms), TF_STATIC
+    )
+    run(node, 400, ['scan'])
+    spin_until(spawn.pump, lambda: scans and told)
+    place = told[0]
+    assert (place.header.frame_id, place.child_frame_id) == ('laser_link', 'laser_link/lidar')
+    assert scans[0].header.frame_id == place.child_frame_id
+    q, there = place.transform.rotation, place.transform.translation
+    rotation = matrix_from_quaternion(np.array([q.w, q.x, q.y, q.z]))
+    ray = -math.pi / 2  # of the sensor, which looks to the left: ahead of the robot
+    number = round((ray - scans[0].angle_min) / scans[0].angle_increment)
+    angle = scans[0].angle_min + number * scans[0].angle_increment
+    seen = scans[0].ranges[number] * np.array([math.cos(angle), math.sin(angle), 0.0])
+    in_link = np.array([there.x, there.y, there.z]) + rotation @ seen
+    assert in_link[0] == pytest.approx(3.0, abs=0.01)
+    assert in_link[1] == pytest.approx(0.0, abs=0.1)
 
 
 def test_the_same_seed_gives_the_same_scans_whenever_one_begins_to_listen(
@@ -250,7 +293,7 @@ def test_a_sensor_is_a_file_and_a_row(sonar_row, spawn, listen, run, spin_until,
     run(node, 200, ['depth'])
     spin_until(spawn.pump, lambda: len(heard) == 4)
     np.testing.assert_allclose([seconds(m) for m in heard], np.arange(4) / 20.0, atol=0.0011)
-    assert heard[0].header.frame_id == 'hull'
+    assert heard[0].header.frame_id == 'hull/echo'  # it looks down
     assert heard[-1].range == pytest.approx(node._world.data.qpos[2] - 0.1, abs=1e-3)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from robot_description.description import Description
+from wasd_core.rotations import Pose
 from wasd_core.timing import Beat, ROUNDING
 
 from mujoco_sim.parameters import HONEST, IDEAL, SimulatorParameters
@@ -47,7 +48,8 @@ class Sensors:
 
     While a picture is rendered, simulated time waits: what is seen does not depend on the
     machine. The noise of a measurement is drawn by seed, sensor and number of the measurement,
-    so it does not depend on who listened before. `notes` are what is not simulated, in words.
+    so it does not depend on who listened before. `notes` are what is not simulated, in words;
+    `frames` those of sensors that are no link: the link, the frame, its pose in the link.
     """
 
     def __init__(
@@ -68,12 +70,15 @@ class Sensors:
         self._site = Site(world, loaded.robot, settings.camera_scale, say)
         self.tune(settings)
         self._sensors: list[_SensorTopics] = []
+        self.frames: list[tuple[str, str, Pose]] = []
         self._start = self._stepped = world.time
         self._idle_until = -math.inf  # nothing is due before [s]
         self._beats: list[Beat] = []
         for tags, kind in zip(found.kinds, SENSORS, strict=True):
             for tag in tags:
                 own = replace(tag, frame=world.prefix + tag.frame)
+                if tag.has_own_frame:
+                    self.frames.append((world.prefix + tag.link, own.frame, tag.pose))
                 if isinstance(own, LidarTag) and settings.lidar != HONEST:
                     own = with_model(own, settings.lidar)
                 elif isinstance(own, CloudTag) and settings.lidar == IDEAL:

@@ -4,14 +4,15 @@
 import array
 import io
 
+from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.node import Node
 import sensor_msgs.msg
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
-from wasd_core.messages import to_cloud, to_stamp
+from wasd_core.messages import to_cloud, to_stamp, to_transform
 from wasd_core.streams import visible
-from wasd_core.topics import has_listener, has_subscriber, RELIABLE
+from wasd_core.topics import has_listener, has_subscriber, RELIABLE, TfBroadcaster
 
 from mujoco_sim.sensors.measuring import Sensors, SensorTopic
 from mujoco_sim.sensors.mount import Fields
@@ -24,9 +25,14 @@ QUALITY = 85  # of JPEGs
 
 
 def publish_sensors(node: Node, sensors: Sensors) -> None:
-    """Publish from now on what sensors measure, and log what is not simulated."""
+    """Publish from now on what sensors measure, and their frames; log what is not simulated."""
     for note in sensors.notes:
         node.get_logger().warning(visible(note))
+    if sensors.frames:
+        # Stamp 0: true at any time.
+        TfBroadcaster(node, static=True).send(
+            to_transform(pose, link, frame, Time()) for link, frame, pose in sensors.frames
+        )
     for topic in sensors.topics:
         _publish_topic(node, topic)
 

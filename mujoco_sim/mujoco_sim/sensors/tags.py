@@ -17,13 +17,18 @@ SLOWEST = 0.001
 
 @dataclass(frozen=True, kw_only=True)
 class SensorTag:
-    """A sensor: `pose` is its own frame, x ahead, in the link's; `frame` is what it stamps."""
+    """
+    A sensor: `pose` is its own frame, x ahead, in the link's; `frame` is what it stamps.
+
+    That is its own, which is no link, where `has_own_frame`.
+    """
 
     name: str
     link: str
     pose: Pose
     frame: str
     rate: float  # [Hz] of simulated time
+    has_own_frame: bool = False
 
 
 class TagReader:
@@ -78,11 +83,15 @@ class TagReader:
     def common(self, rate: float) -> dict[str, Any]:
         """Return what every SensorTag has; `rate` [Hz] is for a sensor that names none."""
         frames = ('frameName', 'frame_name', 'gz_frame_id', 'ignition_frame_id')
+        pose, named = self._pose(), self.word(*frames)
+        is_moved = bool(pose.position.any()) or not np.array_equal(pose.rotation, np.eye(3))
+        has_own = is_moved and not named
         return {
             'name': self.name,
             'link': self.link,
-            'pose': self._pose(),
-            'frame': self.word(*frames) or self.link,
+            'pose': pose,
+            'frame': named or (f'{self.link}/{self.name}' if has_own else self.link),
+            'has_own_frame': has_own,
             # 0 is Gazebo's word for a sensor that names none.
             'rate': max(SLOWEST, self.number('update_rate', rate) or rate),
         }
