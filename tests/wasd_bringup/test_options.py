@@ -205,7 +205,7 @@ def test_what_is_recorded_of_a_run_are_its_options(read):
             "--payload: got '1e9', wanted KG or KG@X,Y,Z with KG > 0 and <= 100",
         ),
         (('--speed', 'inf'), "--speed: got 'inf'"),
-        (('--play', 'gone'), '--play gone: No such file'),
+        (('--play', 'gone'), '--play gone: no such file'),
         (('--twist', 'bytes'), '--twist bytes: not a text file'),
         (('--package-path', 'gone'), '--package-path gone: no such folder'),
         (('--report', 'gone/r.json'), '--report gone/r.json: wanted a file'),

@@ -94,16 +94,12 @@ def read_text(path: str, word: str) -> str:
         UserError: it cannot be read, or is no text.
     """
     try:
-        # Opened for the system's error text, without waiting for the writer of a pipe.
-        open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)).close()
         # Some editors begin a text with a byte order mark.
         return read_file(Path(path), LARGEST_SCRIPT).decode('utf-8-sig')
     except UnicodeDecodeError:
         raise UserError(f'{word} {path}: not a text file') from None
     except DescriptionError as error:
         raise UserError(f'{word} {error}') from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise UserError(f'{word} {path}: {one_line(error)}') from None
 
 
 def read_script(parse: Callable[[str, str], Sequence[Any]], path: str, word: str) -> Any:
