@@ -18,7 +18,7 @@ from mcap.reader import FOOTER_SIZE, make_reader
 from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
-from mujoco_sim.parameters import HONEST, Payload, Untold
+from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.scene import TERRAINS, WORLDS
 from rclpy.serialization import deserialize_message
 from robot_description.packages import DESCRIPTIONS, OTHERS
@@ -29,7 +29,7 @@ from wasd_core.velocity_messages import to_velocity, VELOCITY_TYPES
 
 from wasd_bringup.robots import BOTH, ROBOTS, UNITREE_PRESET, WHEELED
 from wasd_bringup.run.inputs import box_text, Command, parse_box, parse_push, push_text
-from wasd_bringup.run.options import MAPPED_SCAN, RunOptions
+from wasd_bringup.run.options import RunOptions
 from wasd_bringup.tools.recording.bag_writer import new_writer, RECORD_NAME
 from wasd_bringup.tools.recording.recorder import EVENTS
 
@@ -162,32 +162,27 @@ def _write_again(writer: Writer, record: McapRecord) -> None:
 RENAMED = ('keys', 'cmd_vel', 'robot_description', 'ground_truth/odom')
 
 
+# Options that are recorded as they are; where one is missing, an older recording has the default.
+PLAIN = (
+    *('robot', 'description', 'world', 'layout', 'seed', 'lidar', 'interface', 'estimator'),
+    *('limits', 'gait', 'mode', 'guard', 'eyes', 'policy', 'policy_config', 'height_scan'),
+)
+
+
 def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict[str, str]:
     """Return what has to be known to run the same commands again, as JSON by name."""
     controller = options.controller
     kind, colon, _ = options.world.partition(':')
-    run: dict[str, Any] = {
-        'robot': options.robot,
+    run: dict[str, Any] = {name: getattr(options, name) for name in PLAIN} | {
         'description': _absolute(options.description, [*DESCRIPTIONS, *OTHERS]),
         'package_path': [str(path) for path in options.package_path],
         'world': options.world if colon and kind in TERRAINS else _absolute(options.world, WORLDS),
         'preset': _absolute(options.preset, [UNITREE_PRESET, *preset_names()]),
-        'layout': options.layout,
-        'seed': options.seed,
-        'lidar': options.lidar,
         'untold': asdict(options.untold),
-        'interface': options.interface,
-        'estimator': options.estimator,
-        'limits': options.limits,
-        'gait': options.gait,
-        'mode': options.mode,
         'controller': None if controller is None else str(controller.resolve()),
-        'guard': options.guard,
-        'eyes': options.eyes,
         # A walker that a script gives has no name.
         'policy': _absolute(options.policy) if isinstance(options.policy, str) else None,
         'policy_config': options.policy_config and _absolute(options.policy_config),
-        'height_scan': options.height_scan,
         'pushes': [push_text(push) for push in options.pushes],
         'boxes': [box_text(box) for box in options.boxes],
         'ros_arguments': _with_absolute_files(ros_arguments),
@@ -210,28 +205,13 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
         if robot != BOTH and ROBOTS[robot].kind is not WHEELED:
             preset = known.get('preset', preset)  # wheels repeat velocities
         return RunOptions(
-            robot=robot,
-            description=known['description'],
+            **{name: known[name] for name in PLAIN if name in known},
             package_path=tuple(map(Path, known['package_path'])),
-            world=known['world'],
             preset=preset,
-            layout=known.get('layout', 'qwerty'),
-            lidar=known.get('lidar', HONEST),
-            seed=known['seed'],
-            untold=_untold(known.get('untold')),  # older recordings have none
-            interface=known.get('interface'),  # nor this
-            estimator=known['estimator'],
-            limits=known['limits'],
-            gait=known.get('gait'),  # nor this
-            mode=known['mode'],
+            untold=_untold(known.get('untold')),
             controller=None if controller is None else Path(controller),
-            guard=known.get('guard', False),  # nor these
-            eyes=known.get('eyes', False),
-            policy=known.get('policy'),
-            policy_config=known.get('policy_config'),
-            height_scan=known.get('height_scan', MAPPED_SCAN),
             pushes=tuple(map(parse_push, known['pushes'])),
-            boxes=tuple(map(parse_box, known.get('boxes', ()))),  # nor this
+            boxes=tuple(map(parse_box, known.get('boxes', ()))),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f'recorded by another version of wasd ({error!r})') from None
