@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.long, pytest.mark.slow]
 # Stairs of 15 cm begin at 0.8 m; their landing is from 2.3 to 5.9 m, 0.9 m high.
 WORLD, LANDING = 'stairs:0.15', 0.9
 RISERS = 0.8 + 0.3 * np.arange(6)
-STAND = tuple(parse_key_script('0.3 2\n2.8 5', 'stand'))
+STAND = tuple(parse_key_script('0.3 2\n1.6 5', 'stand'))
 # It has stood up and looked about by then [s].
 LOOKED = 5
 

@@ -187,7 +187,7 @@ def test_sticks_of_the_page_are_one_step_a_tap_and_end_with_it(
     with PagePuppet(run.url, rate=5.0) as page:
         page.draw()
         page.tap('N2')
-        robot.wait(2.0)
+        robot.wait(1.3)
         page.tap('N4')
         robot.wait(0.3)
         for _ in range(4):

@@ -11,8 +11,8 @@ pytestmark = pytest.mark.slow
 
 # Keys that make it follow velocities, and for how long it does what they say [s]; options.
 WALKERS = {
-    'model': ((('2', 2.0), ('5', 0.3)), {}),
-    'network': ((('2', 2.0), ('p', 0.3)), {'policy': 'ours'}),
+    'model': ((('2', 1.3), ('5', 0.3)), {}),
+    'network': ((('2', 1.3), ('p', 0.3)), {'policy': 'ours'}),
 }
 # What happens, the state that is left, and how far it goes on at most [m].
 WAYS = {
