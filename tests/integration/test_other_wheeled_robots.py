@@ -139,25 +139,6 @@ def test_it_goes_where_it_is_sent_and_its_odometry_agrees(
     assert max(heights) - min(heights) < 0.001
 
 
-def test_of_four_wheels_alike_a_controllers_file_says_which_two_drive(
-    report_of: Callable[..., Report], tmp_path: Path
-) -> None:
-    tyre = 'cylinder radius="0.08" length="0.03"'
-    wheels = ''.join(
-        joint(name, f'{name}_link', f'xyz="{x} {y} 0"')
-        + shaped(f'{name}_link', tyre, inertial(0.5, 8e-4, 1.6e-3, 8e-4), 'rpy="1.5708 0 0"')
-        for end, x in (('f', 0.1), ('b', -0.1))
-        for name, y in ((f'{end}l', 0.2), (f'{end}r', -0.2))
-    )
-    box = shaped('base_link', 'box size="0.4 0.3 0.1"', inertial(5.0, 0.04, 0.07, 0.1))
-    (tmp_path / 'four.urdf').write_text(f'<robot name="four">{box}{wheels}</robot>')
-    (tmp_path / 'two.yaml').write_text('left_wheel_names: [bl]\nright_wheel_names: [br]\n')
-    report = report_of('--description', 'four.urdf', '--controller', 'two.yaml', twist=WAY)
-    samples = report['samples']
-    assert samples['rpy'][-1][2] == pytest.approx(TURNED, abs=0.02)
-    assert samples['odom'][-1][2] == pytest.approx(TURNED, abs=0.02)
-
-
 def test_in_mode_fake_a_description_may_be_for_the_eye_only(drive: Callable[..., Report]) -> None:
     wheels = ''.join(
         joint(f'{side}_wheel_joint', side, f'xyz="0 {y} -0.05"')
