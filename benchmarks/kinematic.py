@@ -208,7 +208,7 @@ class KinematicRobot:
         ranges = cast(self.body, lidar.angles, boxes, lidar.max_range)
         ranges = ranges + self._random.normal(size=len(ranges)) * lidar.noise
         ranges = np.where(ranges > lidar.max_range, np.inf, ranges)
-        return read_scan(ranges, lidar.angles, (lidar.min_range, lidar.max_range), np.zeros(3))
+        return read_scan(ranges, lidar.angles, (lidar.min_range, lidar.max_range))
 
     def gap(self, boxes: np.ndarray) -> float:
         """Return how far the footprint is from the nearest box [m]; at most 0: it touches."""

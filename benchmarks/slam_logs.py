@@ -336,7 +336,7 @@ def log_way(
         for begin, row, seen in zip(begins.tolist(), rows, ranges, strict=True):
             moved = moves_between(said[row], way.at(begin + rays)) if lidar.turns else None
             limits = (lidar.min_range, lidar.max_range)
-            scans.append(read_scan(seen, lidar.angles, limits, np.zeros(3), moved))
+            scans.append(read_scan(seen, lidar.angles, limits, moved=moved))
         logs[name] = Log(ticks[rows], poses[rows], said[rows], covariances[rows], scans)
     return logs
 

@@ -53,7 +53,7 @@ def drive_mbot(seed: int, length: float) -> Log:
         row = int(np.argmin(np.abs(times - (begin + 0.5 * rays[-1]))))
         moved = moves_between(odometry[row], way_said.at(begin + rays))
         limits = (tag.min_range, tag.max_range)
-        scans.append(read_scan(ranges, tag.angles, limits, np.zeros(3), moved))
+        scans.append(read_scan(ranges, tag.angles, limits, moved=moved))
         rows.append(row)
     return Log(times[rows], truth[rows], odometry[rows], covariances[rows], scans)
 

@@ -25,7 +25,7 @@ def test_it_waits_for_a_lidar_that_sees_nothing_yet() -> None:
         ranges = np.full(360, 0.0 if tick < 40 else 2.0)
         ranges[150:210] = 0.0 if tick < 40 else math.inf
         unit.navigator.move(odometry(x=1e-6 * tick))
-        unit.navigator.see(read_scan(ranges, angles, (0.1, 6.0), np.zeros(3)), odometry())
+        unit.navigator.see(read_scan(ranges, angles, (0.1, 6.0)), odometry())
         unit.step(0.05 * tick)
         if tick < 40:
             assert unit.is_exploring

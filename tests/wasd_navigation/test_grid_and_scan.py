@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from wasd_core.rotations import Pose, rpy_matrix
-from wasd_navigation.records import Grid, read_scan, read_tilted_scan
+from wasd_navigation.records import Grid, read_scan
 from wasd_navigation.se2 import compose, inverse, transform
 
 
@@ -26,7 +26,8 @@ def test_composed_poses_move_points_one_after_the_other() -> None:
 def test_a_scan_is_points_in_the_base_frame() -> None:
     angles = np.array((0.0, math.pi / 2, 0.0, 0.1, 0.2))
     ranges = np.array((1.0, 2.0, math.inf, -math.inf, math.nan))
-    scan = read_scan(ranges, angles, (0.1, 4.0), np.array((0.1, 0.0, math.pi / 2)))
+    mount = Pose(np.array((0.1, 0.0, 1.0)), rpy_matrix(0.0, 0.0, math.pi / 2))
+    scan = read_scan(ranges, angles, (0.1, 4.0), mount)
     assert scan.points == pytest.approx(np.array(((0.1, 1.0), (-1.9, 0.0))))
     assert scan.ends[2] == pytest.approx((0.1, 4.0))
     assert scan.hits.tolist() == [True, True, False]
@@ -47,23 +48,23 @@ def tilted(pitch: float, height: float) -> Pose:
 
 
 def test_a_tilted_ray_reaches_less_far_as_seen_from_above() -> None:
-    scan = read_tilted_scan(np.array([2.0]), np.zeros(1), (0.1, 6.0), tilted(0.1, 0.4))
+    scan = read_scan(np.array([2.0]), np.zeros(1), (0.1, 6.0), tilted(0.1, 0.4))
     assert scan.points == pytest.approx(np.array([[2.0 * math.cos(0.1), 0.0]]))
 
 
 def test_a_ray_that_ends_on_the_floor_tells_nothing() -> None:
     ranges = np.array([3.0, 4.0])  # 0.3 m and 0.4 m down
-    scan = read_tilted_scan(ranges, np.zeros(2), (0.1, 6.0), tilted(0.1, 0.4))
+    scan = read_scan(ranges, np.zeros(2), (0.1, 6.0), tilted(0.1, 0.4))
     assert len(scan.ends) == 1
 
 
 def test_a_level_lidar_at_any_height_sees_all() -> None:
     for height in (0.0, 0.02, 0.4):
-        scan = read_tilted_scan(np.array([6.0]), np.zeros(1), (0.1, 6.0), tilted(0.0, height))
+        scan = read_scan(np.array([6.0]), np.zeros(1), (0.1, 6.0), tilted(0.0, height))
         assert len(scan.points) == 1
 
 
 def test_a_lidar_upside_down_sees_left_on_the_right() -> None:
     mount = Pose(np.array([0.0, 0.0, 0.3]), rpy_matrix(math.pi, 0.0, 0.0))
-    scan = read_tilted_scan(np.array([1.0]), np.array([math.pi / 2.0]), (0.1, 6.0), mount)
+    scan = read_scan(np.array([1.0]), np.array([math.pi / 2.0]), (0.1, 6.0), mount)
     assert scan.points == pytest.approx(np.array([[0.0, -1.0]]))

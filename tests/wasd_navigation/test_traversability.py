@@ -7,7 +7,7 @@ from cases import for_all
 import numpy as np
 import pytest
 from wasd_core.rotations import Pose, rpy_matrix
-from wasd_navigation.records import FREE, Grid, OCCUPIED, read_tilted_scan, UNKNOWN
+from wasd_navigation.records import FREE, Grid, OCCUPIED, read_scan, UNKNOWN
 from wasd_navigation.se2 import inverse, transform
 from wasd_navigation.steps import judge
 from wasd_navigation.traversability import Traversability
@@ -182,7 +182,7 @@ def test_a_scan_leaves_out_rays_that_end_on_ground():
     mount = Pose(np.array([0.0, 0.0, LIDAR]), rpy_matrix(0.0, 0.0, 0.0))
     ranges, angles = np.array((1.4, 1.4, 9.0)), np.array((0.0, math.pi, 0.2))
     is_ground = ground_of(stairs(0.15, seen=1.1)).is_ground
-    scan = read_tilted_scan(ranges, angles, (0.1, 6.0), mount, None, is_ground)
+    scan = read_scan(ranges, angles, (0.1, 6.0), mount, None, is_ground)
     assert scan.points == pytest.approx(np.array(((-1.4, 0.0),)))
     assert len(scan.ends) == 2  # and the ray that hits nothing
 

@@ -8,6 +8,7 @@ from lidar_room import RAYS, ROOM
 import numpy as np
 import pytest
 from wasd_core.robot_io import BaseOdometry
+from wasd_core.rotations import Pose
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import moves_between
 from wasd_navigation.parameters import NavigatorParameters
@@ -53,13 +54,14 @@ def test_walls_are_straight_again_whichever_way_the_base_has_moved(
     middle = twisted(speed, rate, np.array([0.5 * SWEEP]))[0]
     ranges = ranges_of(poses)
     moved = moves_between(middle, poses)
-    scan = read_scan(ranges, RAYS, LIMITS, np.array((0.1, 0.0, 0.0)), moved)
+    mount = Pose(np.array((0.1, 0.0, 1.0)), np.eye(3))
+    scan = read_scan(ranges, RAYS, LIMITS, mount, moved)
     assert scan.origin == pytest.approx((0.1, 0.0))
-    there = read_scan(ranges_of(poses), RAYS, LIMITS, np.zeros(3), moved)
+    there = read_scan(ranges_of(poses), RAYS, LIMITS, moved=moved)
     assert scan.begins[0] == pytest.approx(compose(moved[0], np.array((0.1, 0.0, 0.0)))[:2])
     assert off_walls(middle, there) < 1e-9
     # As rays of one instant they are centimetres off.
-    assert off_walls(middle, read_scan(ranges, RAYS, LIMITS, np.zeros(3))) > 0.03
+    assert off_walls(middle, read_scan(ranges, RAYS, LIMITS)) > 0.03
 
 
 def base_at(pose: np.ndarray) -> BaseOdometry:
@@ -137,7 +139,7 @@ def test_a_lost_ray_frees_nothing_and_an_open_door_does() -> None:
     ranges = np.full(360, 3.0)
     ranges[[40, 90, 91]] = math.inf
     ranges[200:210] = math.inf
-    scan = read_scan(ranges, RAYS, LIMITS, np.zeros(3))
+    scan = read_scan(ranges, RAYS, LIMITS)
     assert len(scan.ends) == 357
     assert (~scan.hits).sum() == 10
 
@@ -146,7 +148,7 @@ def test_a_lost_ray_frees_nothing_and_an_open_door_does() -> None:
 def test_a_ray_that_is_lost_at_the_ends_of_a_scan_frees_nothing(lost: list[int]) -> None:
     ranges = np.full(360, 3.0)
     ranges[lost] = math.inf
-    scan = read_scan(ranges, RAYS, LIMITS, np.zeros(3))
+    scan = read_scan(ranges, RAYS, LIMITS)
     assert len(scan.ends) == 360 - len(lost) and scan.hits.all()
 
 
@@ -162,7 +164,7 @@ def test_the_map_of_a_lidar_that_turns_is_as_true_as_of_one_that_does_not() -> N
             middle = twisted(0.6, 1.2, np.array([times.mean()]))[0]
             moved = moves_between(middle, poses) if corrected else None
             ranges = ranges_of(poses) + 0.01 * random.normal(size=len(RAYS))
-            scan = read_scan(ranges, RAYS, LIMITS, np.zeros(3), moved)
+            scan = read_scan(ranges, RAYS, LIMITS, moved=moved)
             mapper.step(scan, middle, index * 1e-6 * np.eye(3))
             off = compose(inverse(middle), mapper.pose)
             worst = max(worst, math.hypot(off[0], off[1]))

@@ -116,7 +116,7 @@ def _look(x: float, scale: float) -> Scan:
     cos, sin = np.cos(angles), np.sin(angles)
     along = (np.where(cos > 0.0, ROOM[0], -ROOM[0]) * scale - x) / cos
     ranges = np.minimum(along, np.where(sin > 0.0, ROOM[1], -ROOM[2]) * scale / sin)
-    return read_scan(ranges, angles, (0.1, 8.0), np.zeros(3))
+    return read_scan(ranges, angles, (0.1, 8.0))
 
 
 def _draw_room() -> Grid:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.errors import InvalidMessage
-from wasd_core.rotations import Pose, yaw_matrix
+from wasd_core.rotations import Pose
 
 from wasd_core import map_picture
 from wasd_navigation.se2 import transform
@@ -29,6 +29,8 @@ MOST_RAYS = 100_000
 LONGEST_SWEEP = 1.0
 # So many rays beside each other may have got no echo, beside others that have.
 MOST_LOST = 2
+# A lidar above the base's origin that is too high to see the floor.
+LEVEL = Pose(np.array([0.0, 0.0, 1.0]), np.eye(3))
 
 
 # Which rays from begins (n, 2) to ends (n, 3) end on ground that the robot can walk on [m].
@@ -182,7 +184,7 @@ def read_ranges(
     scan's instant; else it stood still. `is_ground` says in that frame which rays end on ground.
 
     Raises:
-        InvalidMessage: its angles or limits are not finite, or it has more rays than any lidar.
+        InvalidMessage: its angles or limits are not finite.
     """
     numbers = said[1:5]
     if not all(map(math.isfinite, numbers)) or not said.range_max > 0.0:
@@ -190,47 +192,29 @@ def read_ranges(
             'wanted finite angles and limits, the greatest range above 0 m; angle_min, '
             f'angle_increment, range_min and range_max are {", ".join(map(str, numbers))}'
         )
-    if len(said.ranges) > MOST_RAYS:
-        raise InvalidMessage(f'wanted at most {MOST_RAYS} rays, got {len(said.ranges)}')
     ranges = np.array(said.ranges, dtype=float)
     angles = said.angle_min + said.angle_increment * np.arange(len(ranges))
     limits = said.range_min, said.range_max
-    return read_tilted_scan(ranges, angles, limits, mount, moved, is_ground)
+    return read_scan(ranges, angles, limits, mount, moved, is_ground)
 
 
 def read_scan(
     ranges: np.ndarray,
     angles: np.ndarray,
     limits: tuple[float, float],
-    mount: np.ndarray,
-    moved: np.ndarray | None = None,
-) -> Scan:
-    """
-    Return the rays that a sensor_msgs/LaserScan tells of (REP 117).
-
-    `ranges` [m] and `angles` [rad], shape (n,); `limits` are the least and the greatest range
-    [m]; `mount` is the lidar's pose in the base frame, shape (3,). Ranges beyond the greatest are
-    of rays that hit nothing up to there, or up to FREE_SIGHT; those below the least, and NaN, tell
-    nothing.
-    """
-    x, y, yaw = mount.tolist()
-    level = Pose(np.array([x, y, 1.0]), yaw_matrix(yaw))
-    return read_tilted_scan(ranges, angles, limits, level, moved)
-
-
-def read_tilted_scan(
-    ranges: np.ndarray,
-    angles: np.ndarray,
-    limits: tuple[float, float],
-    mount: Pose,
+    mount: Pose = LEVEL,
     moved: np.ndarray | None = None,
     is_ground: IsGround | None = None,
 ) -> Scan:
     """
-    Return the rays of a lidar that tilts, as seen from above; see `read_scan`, `read_ranges`.
+    Return the rays that a sensor_msgs/LaserScan tells of (REP 117), as seen from above.
+
+    `ranges` [m] and `angles` [rad], shape (n,); `limits` are the least and the greatest range
+    [m]. Ranges beyond the greatest are of rays that hit nothing up to there, or up to FREE_SIGHT;
+    those below the least, and NaN, tell nothing. Nor do rays that end on the floor, or on ground.
 
     `mount` is the lidar's pose in a level frame below the base: its origin is at the height of
-    the floor, x is ahead. Rays that end on the floor, or on ground, tell nothing.
+    the floor, x is ahead. `moved`, `is_ground`: see `read_ranges`.
     """
     least, most = limits
     tells = (ranges >= least) & ~_is_lost(ranges, least, min(most, HORIZON))
