@@ -217,6 +217,7 @@ PATHS = {
     '/dev/zero': 'is a device or pipe, wanted a file',
     'circle.xacro': 'leads nowhere',
     'large.urdf': '104.9 MB is too much',
+    'large.stl': 'is a mesh or a scene by its name',
     'nowhere.urdf': 'nowhere.urdf: no such file',
 }
 # Reads descriptions one after another; prints what is said, CPU time [s] and memory [kB] so far.
@@ -262,6 +263,7 @@ def furnish(folder):
     (folder / 'outside.yaml').write_text('secret: SECRET')
     with (package / 'large.urdf').open('wb') as file:
         file.truncate(100 * 1024 * 1024)
+    (package / 'large.stl').symlink_to('large.urdf')
     return package
 
 

@@ -65,8 +65,8 @@ def model_of(path: Path, visuals: bool = True) -> mujoco.MjModel:
 
 BROKEN = {
     'is empty': lambda whole: b'',
-    'run `git lfs pull`': lambda whole: POINTER,
-    'is packed by gzip: unpack it': gzip.compress,
+    'git lfs pull': lambda whole: POINTER,
+    'is gzipped; unpack it': gzip.compress,
     'is a web page': lambda whole: b'<!DOCTYPE html>\n<html/>',
     'is a .glb file by its content|is a .dae file': lambda whole: whole,
     'cannot be read as a mesh|no triangles': lambda whole: whole[: len(whole) // 2],

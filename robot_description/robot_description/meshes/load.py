@@ -10,6 +10,7 @@ import io
 import json
 import os
 from pathlib import Path
+import re
 import struct
 from typing import Any, NamedTuple, TypeVar
 import xml.etree.ElementTree as ElementTree
@@ -22,7 +23,7 @@ from wasd_core.output_file import OutputError, OutputFile
 
 from robot_description.meshes.files import EXTENSIONS
 from robot_description.robot import Robot, Shape
-from robot_description.xacro.source import STL_HEADER, STL_TRIANGLE
+from robot_description.xacro.source import IN_ITS_PLACE, STL_HEADER, STL_TRIANGLE
 
 # Raise it when what is cached changes.
 CACHE_VERSION = 5
@@ -45,18 +46,8 @@ TEXTURED = ('.obj', '.ply', *GLTF)
 # As many as nodes of a COLLADA file may place.
 MOST_PARTS = 10_000
 GLB_MAGIC = b'glTF'
-# How a file begins that is no mesh, and what it is instead.
-LONGEST_HEAD = 512
-NO_MESHES = {
-    b'version https://git-lfs': 'is a Git LFS pointer, not the mesh: run `git lfs pull`',
-    b'\x1f\x8b': 'is packed by gzip: unpack it',
-    b'PK\x03\x04': 'is a zip archive: unpack it',
-    b'BZh': 'is packed by bzip2: unpack it',
-    b'\xfd7zXZ': 'is packed by xz: unpack it',
-    b'<!doctype html': 'is a web page, not the mesh: download the file itself',
-    b'<html': 'is a web page, not the mesh: download the file itself',
-}
 # How files of a format begin, whatever they are called.
+LONGEST_HEAD = 512
 BEGINNINGS = {GLB_MAGIC: '.glb', b'ply\n': '.ply', b'ply\r': '.ply', b'<?xml': '.dae'}
 # An STL of text says `facet` within so many bytes.
 STL_WORDS = 2000
@@ -183,12 +174,12 @@ def _check_beginning(path: Path) -> None:
     if not size:
         raise ValueError(f'{path}: is empty')
     with open(path, 'rb') as file:
-        head = file.read(LONGEST_HEAD).lstrip().lower()
-    for beginning, what in NO_MESHES.items():
-        if head.startswith(beginning.lower()):
-            raise ValueError(f'{path}: {what}')
+        head = file.read(LONGEST_HEAD).lstrip()
+    for pattern, what, cure in IN_ITS_PLACE:
+        if re.match(pattern, head):
+            raise ValueError(f'{path}: {what}; {cure}')
     for beginning, suffix in BEGINNINGS.items():
-        if head.startswith(beginning.lower()) and path.suffix.lower() != suffix:
+        if head.lower().startswith(beginning.lower()) and path.suffix.lower() != suffix:
             raise ValueError(f'{path}: is a {suffix} file by its content: rename it')
 
 

@@ -8,9 +8,13 @@ from typing import Any, NamedTuple
 from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import check_xml, LocatedError, parse_with_places, Place, read_file
 
+from robot_description.meshes.files import EXTENSIONS
 from robot_description.xacro.processor import describe_document, process, unlisted
 from robot_description.xacro.sandbox import OutOfBounds, run_bounded
-from robot_description.xacro.source import check_format, check_name, tidy, WANTED
+from robot_description.xacro.source import check_format, tidy, WANTED
+
+# How files end that may be too large to be looked into.
+NO_DESCRIPTIONS = (*EXTENSIONS, '.usd', '.usda', '.usdc', '.usdz')
 
 
 class Expansion(NamedTuple):
@@ -52,8 +56,11 @@ class XacroSession:
         try:
             data = self._texts[self.path] if self.path in self._texts else read_file(self.path)
         except DescriptionError:  # it is too large, say
-            check_name(self.path)
-            raise
+            if self.path.suffix.lower() not in NO_DESCRIPTIONS:
+                raise
+            what = f'is a mesh or a scene by its name ({self.path.suffix}), {WANTED}'
+            reason = f'{what}; name the .urdf or .xacro that uses it'
+            raise LocatedError(Place(self.path, 1), reason) from None
         data, notes = tidy(data)
         check_format(data, self.path)
         answer = self._run() if _is_xacro(data) else self._read(data, notes)

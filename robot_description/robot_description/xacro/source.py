@@ -109,16 +109,21 @@ def unprefixed_calls(sources: Mapping[Path, bytes]) -> Iterator[tuple[Path, Sour
 
 
 WANTED = 'wanted URDF or xacro'
-# What a file begins with: what it is, and the cure.
-BEGINNINGS = (
+# What comes in place of a file, also of a mesh: its beginning, what it is, and the cure.
+IN_ITS_PLACE = (
     (rb'\x1f\x8b', 'is gzipped', 'unpack it: gunzip'),
     (rb'PK\x03\x04', 'is a zip archive', 'unpack it: unzip'),
-    (rb'\x7fELF', 'is a program', f'name the robot instead: {WANTED}'),
+    (rb'BZh', 'is packed by bzip2', 'unpack it: bunzip2'),
+    (rb'\xfd7zXZ', 'is packed by xz', 'unpack it: unxz'),
     (rb'version https://git-lfs', 'is a pointer of Git LFS, not the file itself',
      'get the file: git lfs install, then git lfs pull in its clone'),
-    (rb'(?is)(?:\s|<!--(?:(?!-->).)*-->)*+<!doctype html',
+    (rb'(?is)(?:\s|<!--(?:(?!-->).)*-->|<\?[^>]*>)*+<(?:!doctype )?html\b',
      'is a web page (HTML), not the file itself',
      'get the file itself: on GitHub by the button "Raw", or clone the repository'),
+)  # fmt: skip
+BEGINNINGS = (
+    *IN_ITS_PLACE,
+    (rb'\x7fELF', 'is a program', f'name the robot instead: {WANTED}'),
     (rb'\s*\{', f'is JSON, {WANTED}', 'name the .urdf or .xacro of the robot'),
     (rb'(%YAML|---|(?:#[^\n]*\n|\s)*+[\w/.~-]+:(\s|$))', f'is YAML, {WANTED}',
      'name the .urdf or .xacro of the robot'),
@@ -132,19 +137,6 @@ BEGINNINGS = (
     (rb'(\x89PNG|\xff\xd8\xff|%PDF-)', f'is a picture or a document, {WANTED}',
      'name the .urdf or .xacro of the robot'),
 )  # fmt: skip
-# How files end that are too large to be read as a description.
-OTHER_SUFFIXES = (
-    '.stl',
-    '.obj',
-    '.ply',
-    '.glb',
-    '.gltf',
-    '.dae',
-    '.usd',
-    '.usda',
-    '.usdc',
-    '.usdz',
-)
 # Of MoveIt's format, which has the same root as URDF and no links.
 SRDF_TAGS = ('group', 'group_state', 'virtual_joint', 'end_effector', 'disable_collisions')
 # A mesh in bytes: what stands before its triangles, which end with their number; and each.
@@ -165,26 +157,12 @@ ROOTS = {
     'world': ("a world of Gazebo's", 'name the .urdf or .xacro of the robot'),
     'mujoco': ("MJCF, MuJoCo's format",
                'name the .urdf or .xacro of the robot; as a world it goes: --world FILE'),
-    'html': ('a web page (HTML)',
-             'get the file itself: on GitHub by the button "Raw", or clone the repository'),
     'launch': ('a launch file', 'name the .urdf or .xacro that it loads'),
     'package': ("a package's manifest", 'name a .urdf or .xacro of the package'),
     'COLLADA': ('a mesh (Collada)', 'name the .urdf or .xacro that uses it'),
 }  # fmt: skip
 ROOT = re.compile(rb'<([A-Za-z_][^\s/>]*)')
 DECLARED = re.compile(rb'\s*<\?xml[^>]*encoding\s*=\s*["\']([\w.-]+)')
-
-
-def check_name(path: Path) -> None:
-    """
-    Accept what is not called as a mesh or a scene is, which may be too large to look into.
-
-    Raises:
-        LocatedError: it is called so.
-    """
-    if path.suffix.lower() in OTHER_SUFFIXES:
-        what = f'is a mesh or a scene by its name ({path.suffix})'
-        _refuse(path, 1, f'{what}, {WANTED}', 'name the .urdf or .xacro that uses it')
 
 
 def check_format(data: bytes, path: Path) -> None:
