@@ -147,19 +147,12 @@ class ArbotixHost:
     due one period after the last one that came late.
     """
 
-    def __init__(
-        self,
-        ticks_meter: float,
-        base_width: float,
-        rate: float = 10.0,
-        timeout: float = 1.0,
-        accel_limit: float = DEFAULT_ACCEL_LIMIT,
-    ) -> None:
+    def __init__(self, ticks_meter: float, base_width: float, rate: float = 10.0) -> None:
         self._ticks_meter = ticks_meter
         self._base_width = base_width
         self._rate = rate
         self._period = round(1e9 / rate)
-        self.configure(timeout, accel_limit)
+        self.configure(1.0, DEFAULT_ACCEL_LIMIT)
         self.reset(0)
 
     def configure(self, timeout: float, accel_limit: float) -> None:

@@ -26,7 +26,8 @@ def test_the_next_update_is_due_a_period_after_a_late_one():
 
 @for_all(('accel_limit', 'ramp'), [(0.1, [41, 68, 68]), (1.0, [68, 68, 68])])
 def test_the_ramp_is_30_times_as_steep_as_it_says(accel_limit, ramp):
-    host = ArbotixHost(4100.0, 0.26, accel_limit=accel_limit)
+    host = ArbotixHost(4100.0, 0.26)
+    host.configure(1.0, accel_limit)
     host.command(0.5, 0.0, 0)
     found = [left for _, (left, _) in run(host, 330)]
     # 0.1 m/s^2 would be 0.01 m/s in 0.1 s; 41 ticks in 1/30 s are 0.3 m/s.
@@ -35,13 +36,13 @@ def test_the_ramp_is_30_times_as_steep_as_it_says(accel_limit, ramp):
 
 
 def test_each_wheel_ramps_by_itself_so_the_curve_is_not_kept():
-    host = ArbotixHost(4100.0, 0.26, accel_limit=0.1)
+    host = ArbotixHost(4100.0, 0.26)
     host.command(0.5, 2.0, 0)  # wheels 0.24 and 0.76 m/s
     assert [each for _, each in run(host, 330)] == [(32, 41), (32, 82), (32, 103)]
 
 
 def test_it_ramps_down_too_and_the_time_out_is_looked_at_in_updates_only():
-    host = ArbotixHost(4100.0, 0.26, accel_limit=0.1)
+    host = ArbotixHost(4100.0, 0.26)
     host.command(0.5, 0.0, 0)
     found = dict(run(host, 1400))
     # Older than 1 s for the first time at 1100 ms.
