@@ -131,8 +131,7 @@ def pub(graph: RosGraph, arguments: argparse.Namespace) -> int:
     message = kind()
     fill(message, values, functools.partial(find_type, kind='msg'))
     publisher = graph.node.create_publisher(kind, topic, RELIABLE)
-    heard = publisher.get_subscription_count
-    if arguments.times is not None and graph.wait(lambda: heard() or None) is None:
+    if arguments.times is not None and not graph.wait(publisher.get_subscription_count):
         raise NotFound(f'nobody listens to {topic} as {type_name(kind)}')
     due = time.monotonic()
     for number in itertools.count(1):
@@ -182,7 +181,7 @@ def params(graph: RosGraph, arguments: argparse.Namespace) -> int:
         raise NotFound(f'{error}{usage}') from None
     client = AsyncParameterClient(graph.node, node)
     there = client.services_are_ready
-    if graph.wait(lambda: there() or None) is None:
+    if not graph.wait(there):
         raise NotFound(f'node {node} has no parameter services')
     names = sorted(_answer(graph, client.list_parameters, there).result.names)
     name = arguments.name
@@ -249,7 +248,7 @@ def _read_yaml(text: str) -> Any:
 
 
 def _wait_until_ready(graph: RosGraph, client: Any, service: str) -> None:
-    if graph.wait(lambda: client.service_is_ready() or None) is None:
+    if not graph.wait(client.service_is_ready):
         raise NotFound(f'service {service} does not answer')
 
 

@@ -78,7 +78,7 @@ class RosGraph:
 
     def wait(self, look: Callable[[], Found | None], patience: float = PATIENCE) -> Found | None:
         """
-        Return what `look` finds as soon as it does; None when patience [s] is over.
+        Return what `look` finds as soon as that is true; None when patience [s] is over.
 
         Each discovery starts the wait again: on a busy machine one run appears piece
         by piece. While a run is known to be here and nothing of it is seen, it does not end.
@@ -87,7 +87,7 @@ class RosGraph:
         known = self._seen()
         while True:
             found = look()
-            if found is not None:
+            if found:
                 return found
             now, seen = time.monotonic(), self._seen()
             if seen != known:
@@ -171,7 +171,7 @@ class RosGraph:
             # A node's name comes by a message of its own, which may be later than its services.
             return name in names() or bool(self.node.count_services(f'{name}/get_parameters'))
 
-        if self.wait(lambda: is_there() or None) is None:
+        if not self.wait(is_there):
             raise NotFound(f'no node {name}{suggest(name, names())}')
 
 
