@@ -56,7 +56,6 @@ _UP = np.array((0.0, 0.0, 1.0))
 _NO_FOOT = np.zeros(4)
 # Answer to the key v on a robot that can hardly lift itself.
 NO_JUMP = 'motors too weak or too slow to jump'
-# States in which its feet tell how the ground rises on its way.
 # States that need no fresh readings, and keys that lead to them.
 _HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
 _HELD_KEYS = '127'

@@ -47,8 +47,7 @@ ACCELERATION_SHARE = 0.4
 # stick such robots came sideways only 0.83 as fast (catalogue: legs/slow_motors).
 LIFT_SHARE = 0.5
 # Lowest rate [Hz]: at 250 a Go2 at 2 m/s falls with answers three states late, the most that the
-# simulator allows; at 300 it does not (benchmarks/state_rates.py, until 62186c74). Highest: that
-# of physics.
+# simulator allows; at 300 it does not. Highest: that of physics.
 RATES = (300.0, 1000.0)
 NAME = 'leg_controller'
 # Parameters of the driver or the wire, not of the body.
