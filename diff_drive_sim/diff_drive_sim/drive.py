@@ -318,8 +318,9 @@ class DiffDrive:
         self._take_limits()
 
     def _take_limits(self) -> None:
-        separation = self.controller.geometry.wheel_separation
-        self.limits = limits_of(self.parameters, separation, self._strength)
+        separation, (ahead, turning) = self.controller.geometry.wheel_separation, self._strength
+        linear, angular = limits_of(self.parameters, separation, self._strength)
+        self.limits = linear.reached_by(ahead), angular.reached_by(turning)
 
     def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:
         frame = parameters.base_frame_id or self.robot.moving_link

@@ -73,10 +73,13 @@ class AxisLimits(NamedTuple):
 
     def within(self, strength: Strength) -> 'AxisLimits':
         """Return the limits with no acceleration beyond what motors can do; none stays none."""
-        accelerations = (
-            min(limit, most) if math.isfinite(limit) else limit
-            for limit, most in zip(self[2:6], (*strength, *strength), strict=True)
-        )
+        bounded = zip(self[2:6], self.reached_by(strength)[2:6], strict=True)
+        accelerations = (most if math.isfinite(limit) else limit for limit, most in bounded)
+        return AxisLimits._make((*self[:2], *accelerations, *self[6:]))
+
+    def reached_by(self, strength: Strength) -> 'AxisLimits':
+        """Return the limits with the accelerations that motors can do, also where none was set."""
+        accelerations = map(min, self[2:6], (*strength, *strength))
         return AxisLimits._make((*self[:2], *accelerations, *self[6:]))
 
     @property

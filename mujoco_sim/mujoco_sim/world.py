@@ -450,7 +450,7 @@ class World:
         self._late: deque[tuple[int, Reading]] = deque()
         if self.has_imu and self.setup.noise is not None:
             NoisySensors(self.setup.noise, seed).measure(_UPRIGHT)  # loads what compiles
-        # How old a reading is [ticks], if somebody read then: who reads seldom reads twice.
+        # How old a reading is [ticks]; who reads less often reads so long before, too.
         self.sensor_delay = round(self.setup.drawn.sensor_delay / self.time_step)
         _change_base(self.model, self.data, self.root, self.setup.drawn)
         # How often was reset, and the tick, when the sensors were read last.

@@ -271,6 +271,10 @@ class KeyWords:
     policy: str = '-p policy:=FILE'
     name: Callable[[str], str] = str
 
+    def leaves(self, key: str) -> bool:
+        """Whether a key is for the legs: each digit, and what nobody else takes."""
+        return key.isdigit() or key not in self.elsewhere
+
     def to_fallen(self, obstacle: str = '') -> str:
         """Return the advice for a fallen robot, which an `obstacle` may keep from rolling."""
         if obstacle:

@@ -14,6 +14,12 @@ class StatePublisherParameters(Parameters):
     description: str = parameter(
         'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
     )
+    controller: str = parameter(
+        '',
+        doc="YAML file with a wheeled robot's controller's parameters: springs of wheels that it "
+        'names are held',
+        read_only=True,
+    )
     publish_frequency: float = parameter(
         50.0,
         minimum=0.1,

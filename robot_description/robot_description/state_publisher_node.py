@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the robot's description and where its links are, as robot_state_publisher does."""
 
+from dataclasses import replace
 import sys
 
 from builtin_interfaces.msg import Time
@@ -20,6 +21,7 @@ from wasd_core.topics import LATCHED, SENSOR_DATA, TfBroadcaster
 from robot_description.description import Description, equip, read_description
 from robot_description.meshes.files import published_urdf
 from robot_description.morphology.names import unknown_joint_warning
+from robot_description.morphology.wheel_file import read_wheel_choice
 from robot_description.packages import description_path
 from robot_description.parameters import state_publisher, StatePublisherParameters
 from robot_description.robot import Joint
@@ -43,8 +45,7 @@ class StatePublisherNode(Node):
         super().__init__('state_publisher', namespace=prefix.rstrip('/'))
         self.settings = declare_parameters(self, StatePublisherParameters, self._on_change)
         self._beat = Beat()
-        # As simulator and controller have it, who say what that took: they hold some joints.
-        loaded = robot or equip(read_description(description_path(self.settings.description)))[0]
+        loaded = robot or self._load()
         self._robot = loaded.robot
         self._prefix = prefix
         self._unknown: set[str] = set()
@@ -57,6 +58,12 @@ class StatePublisherNode(Node):
         if robot is None:
             joints = self._on_joint_states
             self.create_subscription(JointState, 'joint_states', joints, SENSOR_DATA)
+
+    def _load(self) -> Description:
+        """Read the robot as simulator and controller have it, who say what that took."""
+        read = read_description(description_path(self.settings.description))
+        # They hold some joints.
+        return equip(replace(read, wheels=read_wheel_choice(self.settings.controller)))[0]
 
     @property
     def is_heard(self) -> bool:

@@ -11,7 +11,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from visualization_msgs.msg import Marker
 from wasd_core.topics import RELIABLE
-from wasd_core.velocity_messages import stamped
+from wasd_core.velocity_messages import stamped, twist_of
 
 from teleop_keyboard.keys_to_twist import Velocity
 
@@ -22,7 +22,7 @@ MARKER_WIDTH = 0.1
 
 def from_twist(message: Twist | TwistStamped) -> Velocity:
     """Return the velocity of a message, without rolling and pitching."""
-    twist = getattr(message, 'twist', message)
+    twist = twist_of(message)
     return Velocity(twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z)
 
 

@@ -18,6 +18,7 @@ from wasd_core.node import run_node
 from wasd_core.parameters import InvalidParameter
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.topics import AbsenceWatch, LATCHED, RELIABLE, watch_types
+from wasd_core.velocity_messages import twist_of
 
 from teleop_keyboard.mux import (
     DEFAULT_LOCKS,
@@ -115,7 +116,7 @@ class TwistMuxNode(Node):
             self._on_twist(name, message)
 
     def _on_twist(self, name: str, message: Twist | TwistStamped) -> None:
-        twist = getattr(message, 'twist', message)
+        twist = twist_of(message)
         if not is_finite(twist):
             self.get_logger().warning(f'{name}: velocity is not finite: ignored', once=True)
             return

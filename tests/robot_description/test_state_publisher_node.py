@@ -4,16 +4,19 @@ import xml.etree.ElementTree as ElementTree
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
+import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_description.description import load_robot, read_description
 from robot_description.meshes.files import opened_by_rviz
+from robot_description.morphology.wheel_file import read_wheel_choice
 from robot_description.packages import description_path, DESCRIPTIONS
 from robot_description.state_publisher_node import main, StatePublisherNode
 from robot_description.xacro.session import expand_document
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from wasd_core.node import init_ros
 from wasd_core.topics import TfBroadcaster
 
 pytestmark = pytest.mark.slow
@@ -146,7 +149,7 @@ def test_in_a_sourced_ros_the_hint_is_the_package_of_apt(spawn, mbot, capfd, mon
 
 SPRUNG_WHEEL = """
 <link name="{side}_arm"/><joint name="{side}_spring" type="prismatic"><parent link="base"/>
-<child link="{side}_arm"/><origin xyz="0 {y} 0.1"/><axis xyz="0 0 1"/>
+<child link="{side}_arm"/><origin xyz="{x} {y} 0.1"/><axis xyz="0 0 1"/>
 <limit lower="-0.01" upper="0.01" effort="0" velocity="1"/></joint>
 <link name="{side}_wheel"><inertial><mass value="0.5"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -156,25 +159,54 @@ SPRUNG_WHEEL = """
 """
 
 
-def test_alone_it_places_every_link_of_a_robot_whose_wheels_are_sprung(
-    sent, spawn, tmp_path, monkeypatch
-):
-    wheels = (('left', 0.15), ('right', -0.15))
-    parts = ''.join(SPRUNG_WHEEL.format(side=side, y=y) for side, y in wheels)
-    file = tmp_path / 'sprung.urdf'
+def sprung(folder, sides):
+    """Write a robot whose wheels (side, x and y [m]) are sprung; return its file."""
+    parts = ''.join(SPRUNG_WHEEL.format(side=side, x=x, y=y) for side, x, y in sides)
+    file = folder / 'sprung.urdf'
     file.write_text(
         '<robot name="sprung"><link name="base"><inertial><mass value="5"/>'
         '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
         f'</link>{parts}</robot>'
     )
+    return file
+
+
+def movable(holder):
+    """Return the names of the joints that move."""
+    robot = getattr(holder, 'robot', None) or holder._robot
+    return tuple(joint.name for joint in robot.movable_joints)
+
+
+def test_alone_it_places_every_link_of_a_robot_whose_wheels_are_sprung(
+    sent, spawn, tmp_path, monkeypatch
+):
+    sides = (('left', 0.0, 0.15), ('right', 0.0, -0.15))
+    file = sprung(tmp_path, sides)
+    moving = ('left_wheel', 'right_wheel')
     monkeypatch.setattr('robot_description.state_publisher_node.description_path', lambda _: file)
     node = spawn(StatePublisherNode())
-    moving = tuple(joint.name for joint in load_robot(str(file)).robot.movable_joints)
-    assert moving == ('left_wheel', 'right_wheel')  # what a simulator tells
+    assert movable(load_robot(str(file))) == moving  # what a simulator tells
     node.publish(moving, np.zeros(2), Time())
     placed = {message.child_frame_id: message for messages in sent for message in messages}
-    assert set(placed) == {f'{side}_{part}' for side, _ in wheels for part in ('arm', 'wheel')}
+    assert set(placed) == {f'{side}_{part}' for side, *_ in sides for part in ('arm', 'wheel')}
     assert placed['left_arm'].transform.translation.y == pytest.approx(0.15)
+
+
+def test_it_holds_the_springs_of_the_wheels_that_a_controller_s_file_names(isolated_ros, tmp_path):
+    sides = [(f'{end}_{side}', x, y)
+             for end, x in (('front', 0.2), ('rear', -0.2))
+             for side, y in (('left', 0.15), ('right', -0.15))]  # fmt: skip
+    file, wheels = sprung(tmp_path, sides), tmp_path / 'wheels.yaml'
+    wheels.write_text(
+        'left_wheel_names: [front_left_wheel]\nright_wheel_names: [front_right_wheel]\n'
+    )
+    init_ros(['--ros-args', '-p', f'description:={file}', '-p', f'controller:={wheels}'])
+    node = StatePublisherNode()
+    simulated = load_robot(str(file), wheels=read_wheel_choice(str(wheels)))
+    assert 'front_left_spring' not in movable(simulated)
+    assert movable(node) == movable(simulated)
+    node.destroy_node()
+    rclpy.try_shutdown()
 
 
 def test_a_description_that_is_not_there_ends_with_one_line(isolated_ros, capsys):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--guard` in a run: for each source the robot stops before what its lidar sees."""
 
+import math
+
 from diff_drive_sim.odometry import PlanarCovariance
 import numpy as np
 import pytest
@@ -154,10 +156,14 @@ def test_far_from_everything_it_drives_as_without_a_guard(begin):
     assert np.array_equal(*places)
 
 
-def test_weak_motors_stop_a_heavy_robot_before_the_wall(begin, tmp_path):
+@pytest.mark.parametrize('ramp', [1.0, math.nan], ids=['a ramp', 'no ramp'])
+def test_weak_motors_stop_a_heavy_robot_before_the_wall(begin, tmp_path, ramp):
     file = tmp_path / 'heavy.urdf'
     file.write_text(HEAVY)
     guarded = begin('mbot', description=str(file))
+    guarded.robot.drive_unit.parameters = guarded.robot.settings.changed(
+        {'linear.x.max_acceleration': ramp}
+    )
     guarded.repeat(by_velocity('page')(guarded, 0.5), 15.0)
     assert KEPT < guarded.room < 0.3
     assert guarded.robot.braking[0] == pytest.approx(0.19, abs=0.01)

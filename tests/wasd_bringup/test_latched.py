@@ -309,6 +309,9 @@ def test_enter_releases_a_stop_also_where_a_keymap_names_it(tmp_path):
     run.press('ENTER')
     assert not run.robot.drivers.stopped_by
     assert not any(run.robot.drivers.held('keys'))
+    run.press('HELD+ENTER')
+    assert not any(run.robot.drivers.held('keys'))
+    run.press('RELEASE+ENTER')
     run.press('ENTER')
     assert run.robot.drivers.state.driver == 'keys'
     run.close()

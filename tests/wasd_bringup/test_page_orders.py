@@ -430,12 +430,27 @@ def test_a_stick_of_a_page_that_is_closed_stops_the_robot_for_good(run_of):
     assert controller.target.linear > 0.05
 
 
+def run_with_key(run_of, folder, key):
+    """Return a run of a Go2 whose keymap drives ahead by a key."""
+    preset = folder / 'mine.yaml'
+    limits = 'speed: 0.5\nturn: 1.0\nlinear_accel: 1.0\nangular_accel: 4.0\n'
+    preset.write_text(f'{limits}motion: {{{key}: [1, 0, 0]}}\n')
+    return run_of('go2', str(preset))
+
+
+def test_a_gait_is_chosen_by_the_key_that_the_keymap_left(run_of, tmp_path):
+    run = run_with_key(run_of, tmp_path, 'n')
+    run.session.press('2')
+    run.session.simulation.advance(1500)
+    view = run.bridge._watched[0].view
+    keys = view.keys_to_choose('gait', 'walk')
+    assert set(keys) == {'N'}
+    run.session.press_for(0, keys, 'page')
+    assert run.session.robot.legs.controller.gait == 'walk'
+
+
 def test_a_state_whose_key_the_keymap_took_cannot_be_chosen(run_of, tmp_path):
-    preset = tmp_path / 'mine.yaml'
-    preset.write_text(
-        'speed: 0.5\nturn: 1.0\nlinear_accel: 1.0\nangular_accel: 4.0\nmotion: {v: [1, 0, 0]}\n'
-    )
-    run = run_of('go2', str(preset))
+    run = run_with_key(run_of, tmp_path, 'v')
     legs = run.session.robot.legs.controller
     legs._machine.force(StateName.FIXED_STAND)
     run.look()

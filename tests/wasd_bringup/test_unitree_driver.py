@@ -2,8 +2,10 @@
 """Programs of Unitree's SDK are one source of several: `Drivers` says that they drive."""
 
 import json
+import re
 
 from contacts import touched
+from descriptions import robot_named
 import numpy as np
 import pytest
 from unitree_bridge.cdr import decode
@@ -264,6 +266,20 @@ def test_programs_switch_the_guard_that_stops_before_a_wall():
     assert run.speed < 0.05
     assert run.call(1001, 'obstacles_avoid', enable=False) == 0
     assert any(walk() for _ in range(30))
+
+
+def test_without_a_lidar_there_is_no_guard_and_it_walks(tmp_path):
+    whole = robot_named('go2').urdf
+    file = tmp_path / 'blind.urdf'
+    file.write_text(re.sub(r'<gazebo reference="[^"]*">.*?</gazebo>', '', whole, flags=re.DOTALL))
+    robot = Run(RunOptions(robot='go2', description=str(file), preset='unitree', speed=0.0)).robot
+    assert idle_guard(robot) is None
+    for key in ('2', '5'):
+        robot.press(key, 'keys')
+        robot.simulation.advance(1000)
+    robot.drive((0.3, 0.0, 0.0), 'page')
+    robot.simulation.advance(500)
+    assert robot.world.base().position[0] > 0.05
 
 
 def test_without_a_lidar_no_guard_is_switched(still):

@@ -198,7 +198,7 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray], gymnasium.utils.EzPi
         late = self._world.sensor_delay
         self._world.step(self._steps - late)
         if late:
-            self._world.read()  # what is known at the end
+            self._world.read()  # the reading of the observation at the end, `late` ticks old
             self._world.step(late)
         truth = self._world.base()
         tilt = truth.tilt

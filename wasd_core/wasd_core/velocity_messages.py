@@ -27,7 +27,12 @@ def stamped(twist: Twist, stamp: Time | None, frame: str) -> Twist | TwistStampe
     return TwistStamped(header=Header(stamp=stamp, frame_id=frame), twist=twist)
 
 
+def twist_of(message: Twist | TwistStamped) -> Twist:
+    """Return the twist of a message of either type."""
+    return message.twist if isinstance(message, TwistStamped) else message
+
+
 def to_velocity(message: Twist | TwistStamped) -> tuple[float, float, float]:
     """Return vx, vy [m/s], wz [rad/s] of a message."""
-    twist = getattr(message, 'twist', message)
+    twist = twist_of(message)
     return twist.linear.x, twist.linear.y, twist.angular.z

@@ -262,7 +262,8 @@ class CockpitBridge:
 
     def _repeat(self) -> None:
         """Drive at the stick's last velocity again: it counts for a simulated time only."""
-        if self._velocity and self._link.stick and self._driven == self._run.active:
+        has_stick = self._link.stick is not None and self._driven == self._run.active
+        if self._velocity is not None and has_stick:
             self._active.robot.drive(self._velocity, 'page')
 
     def _push(self) -> None:
@@ -289,7 +290,7 @@ class CockpitBridge:
         watched = self._watched[robot]
         keys = watched.view.stick_keys(stick)
         self._velocity = watched.view.stick_use().velocity(stick) if keys is None else None
-        if self._velocity:
+        if self._velocity is not None:
             watched.robot.drive(self._velocity, 'page')
         elif keys:
             self._run.press_for(robot, keys, 'page')

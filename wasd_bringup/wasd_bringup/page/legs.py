@@ -51,8 +51,9 @@ class LegsView(RobotView):
     @property
     def _no_gait_keys(self) -> str:
         """Why gaits cannot be chosen by keys."""
-        taken = set(GAIT_KEYS) <= self._controller.words.elsewhere
-        return "the keys for gaits are the preset's: ros2 param set gait" if taken else ''
+        if any(map(self._controller.words.leaves, GAIT_KEYS)):
+            return ''
+        return "the keys for gaits are the preset's: ros2 param set gait"
 
     def keys_to_choose(self, setting: str, option: str) -> tuple[str, ...]:
         """Return the keys that choose a gait: so many steps on in the table."""
@@ -61,7 +62,8 @@ class LegsView(RobotView):
             return ()
         onward = gaits.index(option) - gaits.index(self._controller.gait)
         # The shorter way round.
-        steps, key = min((by * onward % len(gaits), key) for key, by in GAIT_KEYS.items())
+        free = {key: by for key, by in GAIT_KEYS.items() if self._controller.words.leaves(key)}
+        steps, key = min((by * onward % len(gaits), key) for key, by in free.items())
         return steps * (self._robot.named(key),)
 
     def keys(self) -> tuple[KeyCap, ...]:

@@ -117,23 +117,19 @@ def robot_node(
 
 
 def robot_nodes(
-    has_physics: IfCondition | None = None, use_sim_time: Any = True, **simulator: Any
+    has_physics: IfCondition | None = None, use_sim_time: Any = True, **both: Any
 ) -> list[Node]:
     """
-    Return simulator and state publisher; `simulator` are parameters of the first.
+    Return simulator and state publisher; `both` are parameters of both.
 
     Where there may be no physics, there is no simulator then, and no simulated time.
     """
-    robot = ParameterValue(LaunchConfiguration('description'), value_type=str)
+    both['description'] = ParameterValue(LaunchConfiguration('description'), value_type=str)
     names = ('world', 'seed', 'speed')
     asked = {name: parameter_value(SimulatorParameters, name) for name in names}
     return [
-        robot_node(
-            'mujoco_sim', 'simulator', has_physics, description=robot, **asked, **simulator
-        ),
-        robot_node(
-            'robot_description', 'state_publisher', description=robot, use_sim_time=use_sim_time
-        ),
+        robot_node('mujoco_sim', 'simulator', has_physics, **asked, **both),
+        robot_node('robot_description', 'state_publisher', use_sim_time=use_sim_time, **both),
     ]
 
 

@@ -239,7 +239,7 @@ class Go2(Robot):
     def _refusal_of(self, key: str) -> str:
         """Return why a state's key does nothing now; '' if it does something."""
         controller = self.legs.controller
-        if key in controller.words.elsewhere and not key.isdigit():
+        if not controller.words.leaves(key):
             return f"the key {self.named(key)} is the preset's"
         return controller.refusal(key)
 
@@ -287,7 +287,7 @@ class Go2(Robot):
         return until_read if until_read > ROUNDING else until_read + self._lead
 
     def _until_read(self) -> float:
-        """Return for how long from now [s] nobody reads what the controller's next step knows."""
+        """Return the time from now [s] to the reading for the controller's next step."""
         return self.legs.controller.due_after - self._waited() - self._lead
 
     def stop(self) -> None:

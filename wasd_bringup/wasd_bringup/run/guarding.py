@@ -25,7 +25,9 @@ class RobotGuard:
     """
 
     def __init__(self, robot: Robot) -> None:
-        robot.hold_back(self._limit)  # first: without a controller to limit a lidar is no cure
+        robot.hold_back(
+            self._limit
+        )  # first: without a controller to limit, nobody is told to add a lidar
         tag = lidar_of(robot.description.robot, '--guard')
         size = {'robot_radius': 0.0, 'footprint_length': 0.0, 'footprint_width': 0.0}
         footprint = footprint_of(*(size | size_of(robot)).values())

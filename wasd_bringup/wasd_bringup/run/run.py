@@ -404,7 +404,7 @@ class Run:
         if self._writer is not None:
             # The key is in force from the next instant on.
             self._writer.write(self.world.time, key)
-        if self._is_for_the_run(key):
+        if self._is_for_the_run(key, by):
             return
         receiver = self.switch.receiver(key, by) if to is None else to
         if receiver is not None:
@@ -412,10 +412,12 @@ class Run:
         elif self._view is not None:
             self._view.follow(self.world)
 
-    def _is_for_the_run(self, key: str) -> bool:
+    def _is_for_the_run(self, key: str, by: str) -> bool:
         """Handle a key of the run itself; False for any other key."""
         robot = self.robot
         if key == END_E_STOP_KEY and robot.drivers.stopped_by:
+            # Refused until its release: a keymap may drive by it.
+            robot.drivers.take(by, key=key)
             self.end_e_stop()
             return True
         if key in robot.own_keys:

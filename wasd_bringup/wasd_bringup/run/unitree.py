@@ -17,7 +17,7 @@ from wasd_core.robot_io import JointCommand
 from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.go2 import Go2
 from wasd_bringup.run.guarding import RobotGuard
-from wasd_bringup.run.sensing import guard_parameters_of
+from wasd_bringup.run.sensing import guard_parameters_of, lidar_of
 
 # What a program presses that commands the motors themselves: no key of a keyboard.
 MOTORS = 'LowCmd'
@@ -26,9 +26,10 @@ MOTORS = 'LowCmd'
 def idle_guard(robot: Go2) -> RobotGuard | None:
     """Return a guard that does nothing until it is switched on; None where there is no lidar."""
     try:
-        guard = RobotGuard(robot)
+        lidar_of(robot.description.robot, '')
     except UserError:
         return None
+    guard = RobotGuard(robot)
     guard.unit.tune(guard_parameters_of(robot, enabled=False))
     return guard
 
