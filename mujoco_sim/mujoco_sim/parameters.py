@@ -55,8 +55,7 @@ class SimulatorParameters(Parameters):
     )
     controller: str = parameter(
         '',
-        doc="YAML file with a wheeled robot's controller's parameters: wheels that it names get "
-        'the motors',
+        doc='YAML file of a drive controller: the wheels that it names get the motors',
         read_only=True,
     )
     world: str = parameter('flat', doc=f'World: {WORLD_NAMES}, {WORLD_KINDS}', read_only=True)

@@ -271,7 +271,7 @@ class KeyWords:
     policy: str = '-p policy:=FILE'
     name: Callable[[str], str] = str
 
-    def leaves(self, key: str) -> bool:
+    def is_for_legs(self, key: str) -> bool:
         """Whether a key is for the legs: each digit, and what nobody else takes."""
         return key.isdigit() or key not in self.elsewhere
 

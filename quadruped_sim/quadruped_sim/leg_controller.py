@@ -276,7 +276,7 @@ class LegController:
 
     def press(self, key: str) -> str | None:
         """Take a key; return a text for the driver if it has no effect, or another one."""
-        if key in STATE_KEYS and self.words.leaves(key):
+        if key in STATE_KEYS and self.words.is_for_legs(key):
             refusal = self.refusal(key)
             if not refusal:
                 self._machine.press(self._meaning(key))
@@ -284,11 +284,11 @@ class LegController:
         state = self._machine.coming
         if not self.takes_sticks:
             return self.words.to_fallen(self.obstacle)
-        if key in GAIT_KEYS and self.words.leaves(key):
+        if key in GAIT_KEYS and self.words.is_for_legs(key):
             gaits = tuple(GAITS)
             self.choose_gait(gaits[(gaits.index(self.gait) + GAIT_KEYS[key]) % len(gaits)])
             return self.words.to_gait(self.gait, self.command_filter.limits)
-        if key == EYES_KEY and self.words.leaves(key):
+        if key == EYES_KEY and self.words.is_for_legs(key):
             self.eyes = not self.eyes
             return self.words.to_eyes(self.eyes, self._terrain is not None)
         before = self.sticks.values

@@ -16,8 +16,7 @@ class StatePublisherParameters(Parameters):
     )
     controller: str = parameter(
         '',
-        doc="YAML file with a wheeled robot's controller's parameters: springs of wheels that it "
-        'names are held',
+        doc='YAML file of a drive controller: the springs of the wheels that it names are held',
         read_only=True,
     )
     publish_frequency: float = parameter(

@@ -100,7 +100,7 @@ def forks():
     context = multiprocessing.get_context('forkserver')
     context.set_forkserver_preload([kernel_user.__name__])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('PYTHONPATH', str(Path(kernel_user.__file__).parent))
+        patch.setenv('PYTHONPATH', str(Path(kernel_user.__file__).parent), prepend=os.pathsep)
         forkserver.ensure_running()
     return context
 

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Outputs: the old file or the new one, links followed, devices and pipes written to."""
 
+import errno
 import os
 from pathlib import Path
-import resource
 import stat
 import subprocess
 import sys
 import threading
 import time
+from unittest.mock import Mock
 
 from cases import for_all
 import pytest
@@ -71,16 +72,19 @@ def test_until_it_is_written_the_old_file_is_there(tmp_path):
     assert os.listdir(tmp_path) == ['old']
 
 
-def test_what_breaks_off_leaves_the_old_file_and_nothing_else(tmp_path):
+@pytest.mark.parametrize(
+    ('fault', 'seen'),
+    [
+        (KeyboardInterrupt(), KeyboardInterrupt),
+        (OSError(errno.ENOSPC, 'No space left on device'), OutputError),
+    ],
+)
+def test_what_breaks_off_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch, fault, seen):
     path = tmp_path / 'old'
     path.write_text('old')
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4, hard))
-    try:
-        with pytest.raises(OutputError, match='File too large'):
-            output(path).write(b'too long')
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with monkeypatch.context() as patch, pytest.raises(seen):
+        patch.setattr('wasd_core.output_file.os.write', Mock(side_effect=fault))
+        output(path).write(b'new')
     assert path.read_text() == 'old'
     assert os.listdir(tmp_path) == ['old']
 

@@ -42,9 +42,9 @@ LATEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 # robot_description, state, selected: who comes late gets the last one. As robot_state_publisher.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-# As tf2: /tf has many senders and must not lose one; /tf_static is kept for who comes late.
+# As tf2: both have many senders and must not lose one; /tf_static is kept for who comes late.
 TF = QoSProfile(depth=100)
-TF_STATIC = LATCHED
+TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 # Full names of the topics that a Foxglove client follows; it is no ROS node.

@@ -262,8 +262,8 @@ class CockpitBridge:
 
     def _repeat(self) -> None:
         """Drive at the stick's last velocity again: it counts for a simulated time only."""
-        has_stick = self._link.stick is not None and self._driven == self._run.active
-        if self._velocity is not None and has_stick:
+        drives = self._link.stick is not None and self._driven == self._run.active
+        if self._velocity is not None and drives:
             self._active.robot.drive(self._velocity, 'page')
 
     def _push(self) -> None:

@@ -51,7 +51,7 @@ class LegsView(RobotView):
     @property
     def _no_gait_keys(self) -> str:
         """Why gaits cannot be chosen by keys."""
-        if any(map(self._controller.words.leaves, GAIT_KEYS)):
+        if any(map(self._controller.words.is_for_legs, GAIT_KEYS)):
             return ''
         return "the keys for gaits are the preset's: ros2 param set gait"
 
@@ -62,8 +62,10 @@ class LegsView(RobotView):
             return ()
         onward = gaits.index(option) - gaits.index(self._controller.gait)
         # The shorter way round.
-        free = {key: by for key, by in GAIT_KEYS.items() if self._controller.words.leaves(key)}
-        steps, key = min((by * onward % len(gaits), key) for key, by in free.items())
+        ours = {
+            key: by for key, by in GAIT_KEYS.items() if self._controller.words.is_for_legs(key)
+        }
+        steps, key = min((by * onward % len(gaits), key) for key, by in ours.items())
         return steps * (self._robot.named(key),)
 
     def keys(self) -> tuple[KeyCap, ...]:

@@ -40,8 +40,6 @@ LOOK_RATE = 2.0
 TIME_RATE = 20.0
 # How much of a refused page's address is said, and of how many.
 LONGEST_NAME, MOST_REFUSED = 60, 10
-# Of a latched topic so many messages are kept: /tf_static has several senders.
-KEPT = 20
 
 
 def read_velocity(sender: Sender, data: bytes) -> Velocity:
@@ -211,7 +209,7 @@ class FoxgloveServer:
             kept = self._kept.setdefault(topic, [])
             if data not in kept:
                 kept.append(data)
-            del kept[: -(profile.depth if topic != '/tf_static' else KEPT)]
+            del kept[: -profile.depth]
         if topic in FOLLOWED and topic in self._channels:
             self._channels[topic].log(data, log_time=self.now())
 

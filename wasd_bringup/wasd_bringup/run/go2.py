@@ -239,7 +239,7 @@ class Go2(Robot):
     def _refusal_of(self, key: str) -> str:
         """Return why a state's key does nothing now; '' if it does something."""
         controller = self.legs.controller
-        if not controller.words.leaves(key):
+        if not controller.words.is_for_legs(key):
             return f"the key {self.named(key)} is the preset's"
         return controller.refusal(key)
 

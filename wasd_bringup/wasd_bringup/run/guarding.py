@@ -25,9 +25,8 @@ class RobotGuard:
     """
 
     def __init__(self, robot: Robot) -> None:
-        robot.hold_back(
-            self._limit
-        )  # first: without a controller to limit, nobody is told to add a lidar
+        # First: who has no controller to limit is not told to add a lidar.
+        robot.hold_back(self._limit)
         tag = lidar_of(robot.description.robot, '--guard')
         size = {'robot_radius': 0.0, 'footprint_length': 0.0, 'footprint_width': 0.0}
         footprint = footprint_of(*(size | size_of(robot)).values())
