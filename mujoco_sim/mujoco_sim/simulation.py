@@ -39,6 +39,8 @@ PATIENCE = 0.2
 STEADY = 10
 # Looks are milliseconds apart; longer than this we were stopped ourselves [s of wall time].
 LONGEST_LOOK = 0.1
+# A state that is not answered for so long may have been lost [s of wall time].
+REPEAT_PERIOD = 0.1
 
 
 class Simulation:
@@ -322,7 +324,7 @@ class AnswerHold:
         self._answered: float | None = None
         self._answers = 0
         self._held: float | None = None
-        self._looked_at = 0.0
+        self._looked_at = self._repeats_at = 0.0
 
     @property
     def is_holding(self) -> bool:
@@ -348,7 +350,7 @@ class AnswerHold:
             return True
         wall = time.monotonic()
         if self._held is None:
-            self._held, self._looked_at = 0.0, wall
+            self._held, self._looked_at, self._repeats_at = 0.0, wall, REPEAT_PERIOD
         self._held += min(wall - self._looked_at, LONGEST_LOOK)
         self._looked_at = wall
         if self._held <= PATIENCE:
@@ -356,6 +358,13 @@ class AnswerHold:
         if self._answers >= STEADY and self._held <= patience and is_there():
             return False
         self._answered, self._answers, self._held = None, 0, None
+        return True
+
+    def repeats(self) -> bool:
+        """Whether the last state is to be sent again; where all were lost both would wait."""
+        if self._held is None or self._held < self._repeats_at:
+            return False
+        self._repeats_at = self._held + REPEAT_PERIOD
         return True
 
 

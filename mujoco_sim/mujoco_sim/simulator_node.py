@@ -3,6 +3,7 @@
 
 import math
 import sys
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -92,6 +93,7 @@ class SimulatorNode(Node):
         self._is_braking = True
         # Instants that have been published: a step by hand may end where one is due.
         self._clock_tick = self._states_tick = -1
+        self._told: list[tuple[Any, Any]] = []  # of the last state
         self._clock_publisher = self.create_publisher(Clock, '/clock', RELIABLE)
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self.truth = TruthPublisher(self, world, robot.robot)
@@ -218,14 +220,25 @@ class SimulatorNode(Node):
         # Read in any case: noise must not depend on who listens.
         reading = self._world.read()
         stamp = self.stamp
+        self._told.clear()
         if reading.imu is not None and has_listener(self._imu):
-            self._imu.publish(to_imu(reading.imu, self._root, stamp))
+            self._tell(self._imu, to_imu(reading.imu, self._root, stamp))
         if self._feet and has_listener(self._contacts):
             forces = self._world.contact_forces(self._feet)
-            self._contacts.publish(to_joint_state(self._feet, stamp, effort=forces))
+            self._tell(self._contacts, to_joint_state(self._feet, stamp, effort=forces))
         if has_listener(self._joint_states):
             names = self._world.joint_names
-            self._joint_states.publish(to_joint_state(names, stamp, *reading.joints))
+            self._tell(self._joint_states, to_joint_state(names, stamp, *reading.joints))
+        self.truth.publish()
+
+    def _tell(self, publisher: Any, message: Any) -> None:
+        publisher.publish(message)
+        self._told.append((publisher, message))
+
+    def _repeat_states(self) -> None:
+        """Publish the last state again, as it was."""
+        for publisher, message in self._told:
+            publisher.publish(message)
         self.truth.publish()
 
     def _on_command(self, message: JointTrajectory) -> None:
@@ -248,12 +261,15 @@ class SimulatorNode(Node):
 
     def may_advance(self) -> bool:
         """Whether physics may go on, or has to wait for the controller to answer."""
-        return self._is_braking or self._hold.may_advance(
+        may = self._is_braking or self._hold.may_advance(
             self._world.time,
             self.state_rate,
             self.settings.answer_patience,
             lambda: self.count_publishers('joint_commands') > 0,
         )
+        if not may and self._hold.repeats():
+            self._repeat_states()
+        return may
 
     @property
     def state(self) -> str:

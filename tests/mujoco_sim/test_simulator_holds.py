@@ -6,9 +6,11 @@ from mujoco_sim.simulator_node import SimulatorNode
 import numpy as np
 import pytest
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
+from wasd_core.topics import SENSOR_DATA
 
 pytestmark = pytest.mark.slow
 
@@ -89,6 +91,25 @@ def test_a_controller_that_was_answering_and_is_there_is_waited_for(node, now, c
     answer_steadily(node)
     assert hold(node, now, 3.0) == 3.0
     assert node.state == 'waiting for joint_commands'
+
+
+def test_a_state_that_is_waited_for_is_told_again_as_it_was(node, controller, spawn, spin_until):
+    heard = []
+    controller.create_subscription(JointState, 'joint_states', heard.append, SENSOR_DATA)
+    spin_until(spawn.pump, node._joint_states.get_subscription_count)
+    answer_steadily(node)
+    asked = node.stamp
+    node.simulation.advance(1)
+    spin_until(spawn.pump, lambda: heard and heard[-1].header.stamp == asked)
+    last = heard[-1]
+    heard.clear()
+    may = []
+    spin_until(spawn.pump, lambda: len(heard) >= 3, step=lambda: may.append(node.may_advance()))
+    assert not any(may)
+    assert all(again == last for again in heard)
+    answer(node, node.stamp)
+    assert node.may_advance()
+    assert not node._hold.repeats()
 
 
 def test_a_controller_that_has_gone_is_waited_for_no_longer(node, now):
