@@ -39,7 +39,7 @@ STATE_KEYS = {'1': State.PASSIVE, '2': State.STAND, 'p': State.POLICY}
 
 @dataclass(frozen=True)
 class Means:
-    """What gives a network, raises a robot that has fallen, and puts it back: of nodes alone."""
+    """How to give a network, raise a fallen robot, and put it back; defaults: node by node."""
 
     policy: str = '-p policy:=FILE'
     hoist: str = '/simulator/hoist'
@@ -65,7 +65,7 @@ class JointController:
             PolicyError: the policy is another robot's, or wants to know what this one does not.
         """
         self.joints, self._player = tuple(joints), player
-        self.means = Means()  # who has others says so
+        self.means = Means()  # a run or a script puts its own here
         self._theirs = np.arange(0)
         self._stand = JointTargets(*(np.array(part, dtype=float) for part in stand))
         ranges = player.ranges if player is not None else None

@@ -60,9 +60,8 @@ class StatePublisherNode(Node):
             self.create_subscription(JointState, 'joint_states', joints, SENSOR_DATA)
 
     def _load(self) -> Description:
-        """Read the robot as simulator and controller have it, who say what that took."""
+        """Read the robot with the joints held that simulator and controller hold."""
         read = read_description(description_path(self.settings.description))
-        # They hold some joints.
         return equip(replace(read, wheels=read_wheel_choice(self.settings.controller)))[0]
 
     @property
