@@ -229,7 +229,7 @@ class SimulatorNode(Node):
         if has_listener(self._joint_states):
             names = self._world.joint_names
             self._tell(self._joint_states, to_joint_state(names, stamp, *reading.joints))
-        self.truth.publish()
+        self.truth.publish(self._tell)
 
     def _tell(self, publisher: Any, message: Any) -> None:
         publisher.publish(message)
@@ -239,7 +239,6 @@ class SimulatorNode(Node):
         """Publish the last state again, as it was."""
         for publisher, message in self._told:
             publisher.publish(message)
-        self.truth.publish()
 
     def _on_command(self, message: JointTrajectory) -> None:
         try:

@@ -48,15 +48,15 @@ class TruthPublisher:
         if self._slip.joints:
             self._slips = node.create_publisher(JointState, 'wheel_slip', RELIABLE)
 
-    def publish(self) -> None:
-        """Publish the truth of now."""
+    def publish(self, tell: Callable[[Any, Any], None]) -> None:
+        """Give the truth of now to `tell`: publisher and message."""
         stamp = to_stamp(self._world.time)
         if has_listener(self._truth):
             base = self._world.base()
-            self._truth.publish(to_ground_truth(base, WORLD_FRAME, self._root, stamp))
+            tell(self._truth, to_ground_truth(base, WORLD_FRAME, self._root, stamp))
         if self._slip.joints and has_listener(self._slips):
             ratios, speeds = zip(*self._slip.measure(), strict=True)
-            self._slips.publish(to_joint_state(self._slip.joints, stamp, ratios, speeds))
+            tell(self._slips, to_joint_state(self._slip.joints, stamp, ratios, speeds))
 
     def compare(self, odometry: Callable[[], Odometry | None]) -> None:
         """Publish the error of the odometry of now, which is asked for only if needed."""

@@ -3,6 +3,7 @@
 
 from mujoco_sim.simulation import LONGEST_LOOK, PATIENCE, STATES_AHEAD, STEADY
 from mujoco_sim.simulator_node import SimulatorNode
+from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rclpy.node import Node
@@ -96,7 +97,15 @@ def test_a_controller_that_was_answering_and_is_there_is_waited_for(node, now, c
 def test_a_state_that_is_waited_for_is_told_again_as_it_was(node, controller, spawn, spin_until):
     heard = []
     controller.create_subscription(JointState, 'joint_states', heard.append, SENSOR_DATA)
-    spin_until(spawn.pump, node._joint_states.get_subscription_count)
+    bases = []
+    controller.create_subscription(Odometry, 'ground_truth/odom', bases.append, SENSOR_DATA)
+    spin_until(
+        spawn.pump,
+        lambda: (
+            node._joint_states.get_subscription_count()
+            and node.truth._truth.get_subscription_count()
+        ),
+    )
     answer_steadily(node)
     asked = node.stamp
     node.simulation.advance(1)
@@ -107,6 +116,7 @@ def test_a_state_that_is_waited_for_is_told_again_as_it_was(node, controller, sp
     spin_until(spawn.pump, lambda: len(heard) >= 3, step=lambda: may.append(node.may_advance()))
     assert not any(may)
     assert all(again == last for again in heard)
+    assert bases[-1].header.stamp == asked
     answer(node, node.stamp)
     assert node.may_advance()
     assert not node._hold.repeats()

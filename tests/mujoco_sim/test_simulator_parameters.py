@@ -125,6 +125,6 @@ def count_states(node, rate):
     """Check how often the state comes [Hz]."""
     node.schedule_publishing()
     seen = []
-    node.truth.publish = lambda: seen.append(node.simulation.world.time)
+    node.truth.publish = lambda tell: seen.append(node.simulation.world.time)
     node.simulation.advance(200)
     assert len(seen) == round(0.2 * rate)
