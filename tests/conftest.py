@@ -123,6 +123,18 @@ def isolated_ros(monkeypatch: pytest.MonkeyPatch, log_directory: Path) -> int:
     return domain
 
 
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """
+    Have Ctrl-C heard again after a test in which it has ended something: StopSignals ignores it.
+
+    What the next test starts would inherit that.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def ros(isolated_ros: int) -> Iterator[None]:
     """Have rclpy initialised as the project's nodes do it, and shut down afterwards."""

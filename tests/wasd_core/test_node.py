@@ -167,14 +167,6 @@ def test_parameters_describe_themselves(arm, spawn, spin_until):
     assert above.to_value == float('inf')
 
 
-@pytest.fixture(autouse=True)
-def interruptible():
-    """Let Ctrl-C end these tests, after one in which it has ended something."""
-    before = signal.getsignal(signal.SIGINT)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def test_a_first_signal_asks_for_a_stop():
     with StopSignals() as stop:
         assert not stop.requested
