@@ -61,6 +61,17 @@ def test_a_robot_that_floats_on_a_world_maps_too(session_of, tmp_path):
     assert session.robot.frames == ('odom', root)
 
 
+def test_a_robot_slower_than_a_navigator_may_be_told_is_driven_by_its_controller(
+    session_of, tmp_path
+):
+    (file := tmp_path / 'slow.yaml').write_text(
+        'linear.x.max_velocity: 0.005\nangular.z.max_acceleration: 0.001\n'
+    )
+    session = session_of(controller=file)
+    session.simulation.advance(1000)
+    assert navigation(session).report()['scans'] > 0
+
+
 @pytest.fixture
 def driving(session_of):
     """Return a run that is on the way to a goal."""

@@ -25,8 +25,6 @@ from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample
 from wasd_bringup.run.robot import Robot, Velocity
 
-# A navigator's parameters allow no less [m/s^2], [rad/s^2].
-LEAST_ACCELERATION = 0.05
 WASD_ADVICE = 'or start with --preset wasd'
 
 
@@ -125,10 +123,7 @@ class Mbot(Robot):
             'forward_acceleration': (0.8, linear.speed_up, linear.slow_down),
             'yaw_acceleration': (3.0, angular.speed_up, angular.slow_down),
         }
-        values = {name: min(limits) for name, limits in most.items()}
-        for name in ('forward_acceleration', 'yaw_acceleration'):
-            values[name] = max(values[name], LEAST_ACCELERATION)
-        return values
+        return {name: min(limits) for name, limits in most.items()}
 
     @property
     def braking(self) -> tuple[float, float, float]:

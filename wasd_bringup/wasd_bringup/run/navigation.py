@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
+from wasd_core.parameters import known_parameters, numeric_ends
 from wasd_navigation.exploring import Explorer
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
@@ -288,13 +289,14 @@ class NavigationDriver:
 def _settings(robot: Robot) -> dict[str, Any]:
     """Return the navigator's parameters, by their names."""
     options = robot.options
+    limits = {f'limits.{name}': most for name, most in robot.drive_limits.items()}
     values: dict[str, Any] = {
         'map': options.map or '',
         'continue_map': options.continues,
         'keepout': options.keepout or '',
         'control_frequency': TWIST_RATE,
         **size_of(robot),
-        **{f'limits.{name}': most for name, most in robot.drive_limits.items()},
+        **{name: _allowed(name, most) for name, most in limits.items()},
     }
     margin = margin_of(robot)
     if margin is not None:
@@ -308,3 +310,10 @@ def _settings(robot: Robot) -> dict[str, Any]:
     if options.save_map:
         values['save_map'] = options.save_map
     return values
+
+
+def _allowed(name: str, value: float) -> float:
+    """Return what of the navigator's parameter is nearest to a value: no robot is too slow."""
+    low, high = numeric_ends(known_parameters(NavigatorParameters)[name].field)
+    nearest: float = min(max(value, low), high)
+    return nearest
