@@ -17,7 +17,7 @@ from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.arbotix import ArbotixDrive, LegacyController, setpoints_of
-from diff_drive_sim.limits import AxisLimits, PlanarRamp, Velocity
+from diff_drive_sim.limits import PlanarRamp, Velocity
 from diff_drive_sim.odometry import (
     DiffDriveGeometry,
     find_pair,
@@ -44,14 +44,6 @@ JUMPS_SAID = 5.0
 def gains_of(parameters: DiffDriveParameters) -> Gains:
     """Return the loop's gains."""
     return Gains(parameters.Kp, parameters.Kd, parameters.Ki, parameters.Ko)
-
-
-def limits_of(
-    parameters: DiffDriveParameters, separation: float, strength: tuple[Strength, Strength]
-) -> tuple[AxisLimits, AxisLimits]:
-    """Return the limits of speed and yaw rate for a wheel separation [m] within a strength."""
-    linear, angular = parameters.linear_limits(), parameters.angular_limits(separation)
-    return linear.within(strength[0]), angular.within(strength[1])
 
 
 # A ramp goes on for no longer than this after a gap [s]: the robot eases in, not jumps. Nothing
@@ -113,7 +105,9 @@ class DiffDriveController:
     def parameters(self, parameters: DiffDriveParameters) -> None:
         self._parameters = parameters
         separation = self.geometry.wheel_separation
-        linear, angular = limits_of(parameters, separation, self._strength)
+        ahead, turning = self._strength
+        linear = parameters.linear_limits().within(ahead)
+        angular = parameters.angular_limits(separation).within(turning)
         self._ramp.linear.limits, self._ramp.angular.limits = linear, angular
         self._command_age.timeout = parameters.cmd_vel_timeout
         self.odometry.growth = Growth(
@@ -319,7 +313,8 @@ class DiffDrive:
 
     def _take_limits(self) -> None:
         separation, (ahead, turning) = self.controller.geometry.wheel_separation, self._strength
-        linear, angular = limits_of(self.parameters, separation, self._strength)
+        parameters = self.parameters
+        linear, angular = parameters.linear_limits(), parameters.angular_limits(separation)
         self.limits = linear.reached_by(ahead), angular.reached_by(turning)
 
     def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:

@@ -54,8 +54,7 @@ class Legs:
         # Before anything else calls a compiled function; loading is no part of the first tick.
         self.model = compile_once(lambda: _warm_model(description), inform, stop_requested)
         self._walker = walker
-        self._walks_by_heights = getattr(walker, 'has_height_scan', False)
-        if self._walks_by_heights:
+        if getattr(walker, 'has_height_scan', False):
             cast(Any, walker).heights = self._heights_around
         self._terrain: Elevation | None = None
         self.notice = Notice()
@@ -83,7 +82,8 @@ class Legs:
     @property
     def wants_map(self) -> bool:
         """Whether the legs, or the network that walks, use a map now."""
-        return self.controller.eyes or self._walks_by_heights
+        walks_by_it = getattr(self._walker, 'heights', None) == self._heights_around
+        return self.controller.eyes or walks_by_it
 
     def _heights_around(self) -> np.ndarray | None:
         """Return the height scan of now; None before there is a map or a pose."""

@@ -65,6 +65,7 @@ def test_a_network_sees_the_step_ahead_as_it_is_or_as_the_robot_has_mapped_it(
     dog.press('p')
     dog.run(1.2)
     assert dog.state == 'policy'
+    assert dog._robot.legs.wants_map == (scan == 'map')  # nobody maps for nobody
     shown = dog._robot.legs._walker.observation[-187:].reshape(11, 17)
     x, _, z = dog.truth.position
     columns = x + np.linspace(-0.8, 0.8, 17)

@@ -26,6 +26,7 @@ from wasd_bringup.run.go2 import Go2
 
 # The page is shown the elevation five times a second: once in so many clouds.
 CLOUDS_EACH = 3
+NO_GAIT_KEYS = "the keys for gaits are the preset's: ros2 param set gait"
 
 
 class LegsView(RobotView):
@@ -46,26 +47,23 @@ class LegsView(RobotView):
 
     def settings(self) -> tuple[Setting, ...]:
         """Return what is chosen."""
-        return (Setting('gait', tuple(GAITS), self._controller.gait, self._no_gait_keys),)
+        refusal = '' if self._gait_keys else NO_GAIT_KEYS
+        return (Setting('gait', tuple(GAITS), self._controller.gait, refusal),)
 
     @property
-    def _no_gait_keys(self) -> str:
-        """Why gaits cannot be chosen by keys."""
-        if any(map(self._controller.words.is_for_legs, GAIT_KEYS)):
-            return ''
-        return "the keys for gaits are the preset's: ros2 param set gait"
+    def _gait_keys(self) -> dict[str, int]:
+        """The keys that choose a gait here, each so many steps on in the table."""
+        words = self._controller.words
+        return {key: by for key, by in GAIT_KEYS.items() if words.is_for_legs(key)}
 
     def keys_to_choose(self, setting: str, option: str) -> tuple[str, ...]:
-        """Return the keys that choose a gait: so many steps on in the table."""
-        gaits = tuple(GAITS)
-        if setting != 'gait' or option not in gaits or self._no_gait_keys:
+        """Return the keys that choose a gait."""
+        gaits, keys = tuple(GAITS), self._gait_keys
+        if setting != 'gait' or option not in gaits or not keys:
             return ()
         onward = gaits.index(option) - gaits.index(self._controller.gait)
         # The shorter way round.
-        ours = {
-            key: by for key, by in GAIT_KEYS.items() if self._controller.words.is_for_legs(key)
-        }
-        steps, key = min((by * onward % len(gaits), key) for key, by in ours.items())
+        steps, key = min((by * onward % len(gaits), key) for key, by in keys.items())
         return steps * (self._robot.named(key),)
 
     def keys(self) -> tuple[KeyCap, ...]:

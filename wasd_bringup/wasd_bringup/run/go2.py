@@ -96,7 +96,7 @@ class Go2(Robot):
     def _show_heights(self, player: Any) -> None:
         """Show a network the heights around the robot: those that it has mapped, or the true."""
         if self.options.height_scan == TRUE_SCAN:
-            player.heights = partial(true_scan, self.world)
+            player.heights = partial(_true_scan, self.world)
         elif self.elevation.mapper is None:
             name = self.description.robot.name
             said = LIDAR_NEEDED.format(option='--policy', robot=name)
@@ -381,7 +381,7 @@ class Go2(Robot):
         )
 
 
-def true_scan(world: World) -> np.ndarray:
+def _true_scan(world: World) -> np.ndarray:
     """Return the true height scan of now, (187,) [m]."""
     base = world.base()
     heights = partial(true_heights, world)

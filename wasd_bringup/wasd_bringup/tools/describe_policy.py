@@ -3,7 +3,6 @@
 
 import argparse
 from collections.abc import Callable, Iterator
-from functools import partial
 import math
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ from quadruped_sim.states.policy import SETTLE_TIME
 from wasd.robots import Go2
 from wasd_core.robot_io import JointTargets, Senses
 
-from wasd_bringup.run.go2 import true_scan
+from wasd_bringup.run.options import TRUE_SCAN
 
 # A trial: up, still for so long, then ahead, then turning [s], [m/s], [rad/s].
 RISE, STILL, AHEAD, TURN = 2.2, 1.0, 2.5, 2.0
@@ -65,8 +64,7 @@ class Stand:
     def __init__(self, joints: tuple[str, ...]) -> None:
         """Take the joints that all of them have, in any order."""
         self._walker = _Exchangeable(joints)
-        self.dog = Go2(policy=self._walker)
-        self._walker.heights = partial(true_scan, self.dog._robot.world)
+        self.dog = Go2(policy=self._walker, height_scan=TRUE_SCAN)
 
     def try_policy(self, policy: Policy) -> Trial:
         """Stand, then play a policy: still, ahead, turning."""
@@ -108,6 +106,7 @@ class _Exchangeable:
     """A walker that plays another policy when it is told to; joints keep their order."""
 
     ranges: tuple[tuple[float, float], ...] | None = None
+    has_height_scan = True  # one of them may
 
     def __init__(self, joints: tuple[str, ...]) -> None:
         self.joints, self.default = joints, np.zeros(len(joints))
