@@ -132,6 +132,8 @@ class KeyReader:
 
     def poll(self, timeout: float) -> list[str]:
         """Wait at most `timeout` [s] of wall time for keys and return them in order."""
+        if self.terminal is not None:
+            self.terminal.notice_front()
         self._ask()
         sources = [source for source in self._decoders if self._is_readable(source)]
         now = time.monotonic()

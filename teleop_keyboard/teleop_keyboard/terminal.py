@@ -110,6 +110,7 @@ class Terminal(Source):
         self._undo: list[bytes] = []  # what switches off what we have switched on
         self._is_busy = False
         self._is_asked_to_suspend = False
+        self._was_ours = True
         self.before_suspend: list[Callable[[], None]] = []
         self.after_resume: list[Callable[[], None]] = []
 
@@ -123,9 +124,19 @@ class Terminal(Source):
         """Whether the terminal was told to report when a key is released."""
         return KITTY_OFF in self._undo
 
+    def notice_front(self) -> None:
+        """
+        Go on where the shell has put us in front.
+
+        Of a job that runs already bash's `fg` tells by no signal.
+        """
+        was_ours, self._was_ours = self._was_ours, self.is_ours
+        if self._was_ours and not was_ours:
+            self._resume(signal.SIGCONT, None)
+
     def ask_kitty(self) -> None:
         """Ask whether the terminal can report releases; the answer comes among the keys."""
-        if not _is_dumb():
+        if self._raw is not None and not _is_dumb():
             self._write(ASK_KITTY)
 
     def tell_releases(self) -> None:
@@ -159,13 +170,15 @@ class Terminal(Source):
                 self._suspend(signal.SIGTSTP, None)
 
     def __enter__(self) -> Self:
-        """Enter raw mode and watch the signals that would leave it behind."""
-        self._saved = termios.tcgetattr(self._descriptor)
+        """Enter raw mode, once in front, and watch the signals that would leave it behind."""
+        termios.tcgetattr(self._descriptor)  # raises where there are none to give back
         self._outlet = open_own(self._descriptor)
         atexit.register(self.restore)
         if threading.current_thread() is threading.main_thread():
             self._install_handlers()
-        self._enter_raw_mode()
+        self._was_ours = self.is_ours
+        if self._was_ours:
+            self._enter_raw_mode()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -216,7 +229,7 @@ class Terminal(Source):
 
     def _enter_raw_mode(self) -> None:
         if self._saved is None:
-            return
+            self._saved = termios.tcgetattr(self._descriptor)
         attributes = [*self._saved[:CONTROL_CHARACTERS], list(self._saved[CONTROL_CHARACTERS])]
         # IXON and IEXTEN would swallow Ctrl-S, Ctrl-Q and Ctrl-V; ICRNL would hide what ENTER is.
         attributes[INPUT_FLAGS] &= ~(termios.IXON | termios.ICRNL | termios.INLCR | termios.IGNCR)
@@ -263,8 +276,9 @@ class Terminal(Source):
         self._resume(number, frame)
 
     def _resume(self, number: int, frame: FrameType | None) -> None:
-        # After `bg` the terminal belongs to the shell; `fg` sends a second SIGCONT.
-        if _is_foreground(self._descriptor):
+        # After `bg` the terminal belongs to the shell; `fg` sends a second SIGCONT, or none.
+        self._was_ours = self.is_ours
+        if self._was_ours:
             self._enter_raw_mode()
             for callback in self.after_resume:
                 callback()

@@ -4,6 +4,7 @@
 from pathlib import Path
 import re
 import signal
+import sys
 import time
 
 from nav_msgs.msg import Odometry
@@ -16,6 +17,7 @@ TELEOP = ('-m', 'teleop_keyboard.teleop_node')
 
 # A shell with job control: it starts the program as its foreground job, waits until the job is
 # stopped, says so, and has it go on behind (bg) and then in front (fg), each when a file is there.
+# A job that runs it only puts in front, as bash does; others send it SIGCONT again.
 SHELL = """
 import os, signal, sys, time
 def wait_for(name):
@@ -39,7 +41,8 @@ while True:
     print('BEHIND', job, flush=True)
     wait_for('fg')
     os.tcsetpgrp(0, job)
-    os.kill(job, signal.SIGCONT)
+    if 'SIGNALS' in os.environ:
+        os.kill(job, signal.SIGCONT)
 os.tcsetpgrp(0, os.getpgrp())
 sys.exit(os.waitstatus_to_exitcode(status))
 """
@@ -69,10 +72,11 @@ def test_a_closed_terminal_stops_the_robot(pty_process, listener):
     assert listener.stands
 
 
+@pytest.mark.parametrize('shell', [{}, {'SIGNALS': 'yes'}], ids=['bash', 'zsh'])
 def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
-    pty_process, listener, tmp_path
+    pty_process, listener, tmp_path, shell
 ):
-    process = pty_process('-c', SHELL, *TELEOP, environment={'FOLDER': str(tmp_path)})
+    process = pty_process('-c', SHELL, *TELEOP, environment={'FOLDER': str(tmp_path), **shell})
     listener.probe(process)
     listener.drive(process)
     process.type(b'\x1a')
@@ -108,6 +112,27 @@ def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
     assert process.wait() == 0
     wait_until(lambda: listener.stands)
     assert process.attributes == process.before
+
+
+def test_begun_behind_it_leaves_the_terminal_alone_until_bash_has_it_in_front(
+    pty_process, listener
+):
+    process = pty_process('-c', 'import os; os.execvp("bash", ["bash", "--norc", "-i"])')
+    process.type(f'{sys.executable} {" ".join(TELEOP)} &\n'.encode())
+    wait_until(lambda: listener.node.count_publishers('cmd_vel'))
+    process.output = b''
+    process.type(b"echo I''M\n")
+    wait_until(lambda: b'IM' in process.output)
+    time.sleep(0.5)
+    assert b'\x1b[?1049h' not in process.output  # the screen is the shell's, and so are keys
+    assert not listener.keys
+    process.type(b'fg\n')
+    wait_until(lambda: process.is_raw and b'\x1b[?1049h' in process.output)
+    listener.drive(process)
+    process.type(b'\x03')
+    wait_until(lambda: listener.stands)
+    process.type(b'exit\n')
+    assert process.wait() == 0
 
 
 class Mbot:
