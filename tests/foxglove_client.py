@@ -24,6 +24,7 @@ class FoxgloveClient:
                 origin=origin,
                 subprotocols=[SUBPROTOCOL],
                 max_size=None,
+                close_timeout=0.2,  # a server that has ended says no goodbye
             )
         )
         self.info: dict[str, Any] = {}
