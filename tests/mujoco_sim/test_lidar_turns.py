@@ -4,6 +4,7 @@
 from dataclasses import replace
 import math
 
+from cases import for_all
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors.lidar import Lidar, with_model
@@ -14,6 +15,7 @@ from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 
 HALF = 0.5 * ROOM_SIZE
 PANE = """
@@ -21,6 +23,13 @@ PANE = """
 <geom name="ground" type="plane" size="9 9 1"/>
 <geom type="box" size="0.005 2 1" pos="1 0 1" material="window_glass"/>
 <geom type="box" size="0.05 4 1" pos="3.05 0 1"/></worldbody></mujoco>
+"""
+ALL_ROUND = """
+<robot name="r"><link name="base"><inertial><mass value="5"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<gazebo reference="base"><sensor type="ray" name="eye"><update_rate>{rate}</update_rate>
+<model>a1</model><ray><scan><horizontal><samples>360</samples><min_angle>-3.14159265</min_angle>
+<max_angle>3.14159265</max_angle></horizontal></scan></ray></sensor></gazebo></robot>
 """
 
 
@@ -163,6 +172,16 @@ def test_who_comes_late_gets_whole_revolutions_with_the_same_noise(loaded):
     assert [now for now, _ in late.heard] == pytest.approx([3 / 5.5, 4 / 5.5])
     for (_, one), (_, other) in zip(first.heard[3:5], late.heard, strict=True):
         assert one['ranges'] == other['ranges']
+
+
+@for_all('rate', ['3.333333', '6.666666', '16.6666666', '7', '4.9999999'])
+def test_a_lidar_that_sees_all_round_gives_every_scan_at_any_rate(tmp_path, rate):
+    path = tmp_path / 'all_round.urdf'
+    path.write_text(ALL_ROUND.format(rate=rate))
+    turning = Turning(load_robot(str(path)))
+    turning.run(1.0)
+    count = math.floor((1.0 - 0.01) * float(rate))
+    assert [now for now, _ in turning.heard] == pytest.approx(np.arange(count) / float(rate))
 
 
 def test_the_simulators_word_goes_before_that_of_the_description(loaded):

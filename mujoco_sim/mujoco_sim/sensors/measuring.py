@@ -135,8 +135,10 @@ class Sensors:
         new listener waits for the next measurement.
         """
         sensor, number = one.sensor, numbers[0]
-        whole = sensor.step(dt) if sensor.is_turning else None
         is_new = numbers[1] != number
+        # A beat is up to ROUNDING early: a last ray that is due with it comes then, too.
+        ahead = 2.0 * ROUNDING if is_new else 0.0
+        whole = sensor.step(dt + ahead) if sensor.is_turning else None
         if whole is None and not is_new:
             return
         wanted = one.wanted()
