@@ -275,12 +275,12 @@ class DiffDrive:
         self._shortfall = Shortfall(0.5 * geometry.wheel_separation)
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
+        self._counts_ticks = parameters.odometry_feedback == 'ticks'
         self.controller, self._drive = self._make_loops(geometry, parameters)
         self._take_limits()
         self.flip = geometry.flip
         self.fake = KinematicBase(geometry)
         self.angles = self.wheel_velocities = (0.0, 0.0)
-        self._counts_ticks = parameters.odometry_feedback == 'ticks'
 
     def _make_loops(
         self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters
@@ -291,6 +291,7 @@ class DiffDrive:
             legacy = LegacyController(geometry, parameters, self._scale)
             return legacy, ArbotixDrive(gains, lambda: legacy.host.setpoints)
         controller = DiffDriveController(geometry, parameters, self._strength)
+        controller.odometry.resolution = 1.0 / self._scale if self._counts_ticks else 0.0
         if parameters.mode != 'arbotix':
             return controller, FloatDrive(gains, self.motor, self._scale, self._delay)
         separation, scale = geometry.wheel_separation, parameters.ticks_meter

@@ -226,7 +226,8 @@ class WheelOdometry:
     angles in, so that encoders that do not start at 0 move nothing. Nor does a change that no
     wheel can make at `speed_limit` [rad/s], the largest speed it is commanded to: encoders that
     have restarted, e.g. because the simulator in another process was reset. `restarts` counts
-    them. The velocity is the mean over the last `window` steps.
+    them. Angles are in steps of `resolution` [rad]; 0: exact. The velocity is the mean over the
+    last `window` steps.
     """
 
     def __init__(
@@ -238,6 +239,7 @@ class WheelOdometry:
     ) -> None:
         self._geometry = geometry
         self.speed_limit = speed_limit
+        self.resolution = 0.0
         self.growth = growth or Growth()
         self.restarts = 0
         self._moves: deque[_Move] = deque(maxlen=window)
@@ -282,7 +284,7 @@ class WheelOdometry:
         if math.isinf(self.speed_limit):
             return True
         largest = max(SMALLEST_JUMP, BELIEVABLE * self.speed_limit * self._elapsed)
-        return max(map(abs, changes)) <= largest
+        return max(map(abs, changes)) <= largest + self.resolution
 
     def _move(self, move: _Move) -> None:
         """

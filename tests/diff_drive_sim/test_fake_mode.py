@@ -3,6 +3,7 @@
 
 import math
 
+from cases import for_all
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.odometry import KinematicBase
@@ -56,6 +57,27 @@ def test_odometry_is_where_the_wheels_have_rolled(mbot):
         unit.step_fake(DT)
     seen, true = unit.controller.odometry_state, unit.fake.pose
     assert (seen.x, seen.y, seen.yaw) == pytest.approx((true.x, true.y, true.yaw), abs=1e-12)
+
+
+@for_all('ticks_meter', [10.0, 98.0, 300.0])
+@for_all(('rate', 'speed'), [(20.0, 0.5), (200.0, 0.1), (1000.0, 0.3)])
+def test_odometry_by_ticks_is_within_a_tick_however_coarse_they_are(
+    mbot, ticks_meter, rate, speed
+):
+    parameters = DiffDriveParameters(
+        mode='fake', odometry_feedback='ticks', ticks_meter=ticks_meter, linear_max_velocity=speed
+    )
+    unit = DiffDrive(mbot, parameters)
+    for _ in range(round(rate)):
+        unit.controller.command(1.0, 0.0)
+        unit.step_fake(1.0 / rate)
+    assert unit.controller.restarts == 0
+    assert unit.fake.pose.x > 0.05
+    off = unit.controller.odometry_state.x - unit.fake.pose.x
+    assert abs(off) <= 0.5 / ticks_meter + 1e-9
+    # Encoders that begin again at 0 are still told.
+    unit.controller.step(-1e3, -1e3, 1.0 / rate)
+    assert unit.controller.restarts == 1
 
 
 def test_the_wheels_have_turned_as_far_as_the_path_is_long(mbot):
