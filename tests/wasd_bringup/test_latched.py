@@ -317,6 +317,23 @@ def test_enter_releases_a_stop_also_where_a_keymap_names_it(tmp_path):
     run.close()
 
 
+def test_a_key_refused_since_a_stop_tells_how_it_counts_again():
+    run = Run(RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0))
+    run.press('i')
+    run.robot.take_topic('keys', key='i')
+    run.press('ESC')
+    for press in (
+        lambda: run.press('i'),
+        lambda: run.press('HELD+i'),
+        lambda: run.robot.take_topic('keys', key='i'),
+    ):
+        run.robot.notice.say(None)
+        assert not press()
+        words = run.robot.status().message
+        assert words == f'let go of i for {SILENCE:g} s (refused since a stop)'
+    run.close()
+
+
 @pytest.mark.parametrize(('by', 'goes_on'), [('page', False), ('script', True)])
 def test_an_e_stop_ends_a_script_of_keys_unless_it_is_the_script_s_own(by, goes_on):
     # The key counts again after a silence.

@@ -17,6 +17,7 @@ from mujoco_sim.world import World
 import numpy as np
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, Status
+from teleop_keyboard.key_script import script_word
 from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
@@ -25,7 +26,7 @@ from wasd_core.robot_io import BaseOdometry
 from wasd_core.timing import Notice, split_event, STOP_KEY
 
 from wasd_bringup.robots import ROBOTS
-from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST
+from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST, SILENCE
 from wasd_bringup.run.inputs import E_STOP_KEY, Player, TWIST_RATE, TwistPlayer
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD
@@ -37,6 +38,7 @@ FullVelocity = tuple[float, float, float, float]
 STANDSTILL = (0.0, 0.0, 0.0)
 # The sender may not know that the robot was stopped.
 REFUSED = 'stop the publisher of {}, or send a zero (refused since E-STOP)'
+LET_GO = 'let go of {} for {:g} s (refused since a stop)'
 HOLDS = 'ENTER releases E-STOP (by the {})'
 # Zeros that end it all are told so often: one may be lost.
 LAST_ZEROS = 3
@@ -58,6 +60,11 @@ def axes_of(
     names = (('forward', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
     rows = zip(names, command, measured, full, strict=True)
     return tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
+
+
+def _let_go(key: str) -> str:
+    """Return how a key counts again that was held at a stop, or has been tapped since."""
+    return LET_GO.format(script_word(split_event(key)[1]), SILENCE)
 
 
 class Robot(ABC):
@@ -240,6 +247,8 @@ class Robot(ABC):
         if self.heeds_e_stop(key, by):
             return True
         if not self.drivers.take(by, key=key):
+            if key:
+                self.say(_let_go(key))
             self.say_if_stopped()
             return False
         self._obey(key, is_pressed=by not in (E_STOP, LOST))
@@ -290,7 +299,8 @@ class Robot(ABC):
         """Return whether a message on a topic counts; if not, tell the reason."""
         if self.drivers.take('topic', **taken, what=f'somebody on {topic}'):
             return True
-        self.say(REFUSED.format(topic))
+        key = taken.get('key')
+        self.say(_let_go(key) if key else REFUSED.format(topic))
         self.say_if_stopped()
         return False
 
