@@ -148,3 +148,19 @@ def test_the_axis_of_a_planar_joint_is_the_normal_of_its_plane(axis):
     first, second, turn = model.jnt_axis[1:]
     np.testing.assert_allclose(turn, normal / np.linalg.norm(normal), atol=1e-12)
     np.testing.assert_allclose(np.cross(first, second), turn, atol=1e-12)
+
+
+def test_a_drum_that_hovers_over_the_floor_touches_it_at_no_heading():
+    drum = '<collision><geometry><cylinder radius="0.2" length="0.16"/></geometry></collision>'
+    hovering = spec(link('drum', INERTIAL + drum))
+    hovering.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    model = hovering.compile()
+    data = mujoco.MjData(model)
+    rng = np.random.default_rng(0)
+    data.qpos[2] = 0.11
+    for yaw in rng.uniform(-np.pi, np.pi, 2000):
+        # Upright but for the rounding of a simulation at rest.
+        tilt = 3e-16 * rng.normal(size=2)
+        data.qpos[3:] = np.cos(yaw / 2), *tilt, np.sin(yaw / 2)
+        mujoco.mj_fwdPosition(model, data)
+        assert not data.ncon
