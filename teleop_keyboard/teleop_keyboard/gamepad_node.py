@@ -82,6 +82,7 @@ class GamepadNode(Node):
         self.joy = LoopbackSubscription(
             self, Joy, 'joy', self._on_joy, is_stale=self._absence.is_stale
         )
+        self._is_own = False  # the last state, not another machine's
         self._is_known = self._was_disarmed = False
         self._problem = ''
         self._looked_at = time.monotonic()
@@ -92,8 +93,8 @@ class GamepadNode(Node):
 
     @property
     def is_enabled(self) -> bool:
-        """Whether a pad is there whose sticks drive now."""
-        return self.gamepad.is_there and self.logic.is_driving
+        """Whether a pad is there whose sticks drive now; one on another machine is not."""
+        return self.gamepad.is_there and self._is_own and self.logic.is_driving
 
     def look(self) -> None:
         """Tell what the pad has said since the last look; a lost one is a zero."""
@@ -190,9 +191,10 @@ class GamepadNode(Node):
         message = to_joy(state, self.get_clock().now().to_msg())
         self.joy.expect(message)
         self._joy.publish(message)  # first: a key may disarm the pad, which publishes, too
-        self._on_joy(message)
+        self._on_joy(message, is_own=True)
 
-    def _on_joy(self, message: Joy) -> None:
+    def _on_joy(self, message: Joy, is_own: bool = False) -> None:
+        self._is_own = is_own
         state = from_joy(message)
         # Before the keys: a key that stops the robot comes last.
         velocity = self.logic.step(state)

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 from pads import PipePad
 import pytest
 import rclpy
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Joy
 from terminals import PATIENCE
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
@@ -185,6 +187,27 @@ def test_the_robot_in_turn_is_driven_by_its_own_preset_and_the_other_is_stopped(
     assert len(robots[0].velocities) == count
     pad.close()
     assert robots[1].velocities[-1] == (0.0, 0.0, 0.0)
+    pad.node.destroy_node()
+
+
+def test_a_pad_of_another_machine_is_not_repeated_for_it_may_be_dead(ros, pipe):
+    robot = Robot('mbot')
+    pad = PadDriver(str(pipe.path), [robot], lambda: 0, print)
+    pad.node.set_parameters([Parameter('autorepeat_rate', value=0.0)])
+    pipe.plug()
+    pad.look()
+    pad.node.joy._callback(Joy(axes=[0.0, 1.0], buttons=[0, 0, 0, 0, 1]))
+    pad.look()
+    pad.repeat()
+    assert robot.velocities == [(0.3, 0.0, 0.0)]
+    # Our own is seen to be there.
+    pipe.press(L1)
+    pipe.push(1, -1.0)
+    pad.look()
+    driven = len(robot.velocities)
+    pad.repeat()
+    assert robot.velocities[driven:] == [(0.3, 0.0, 0.0)]
+    pad.close()
     pad.node.destroy_node()
 
 
