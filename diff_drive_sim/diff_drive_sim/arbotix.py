@@ -19,6 +19,7 @@ from diff_drive_sim.wheel_loop import count_ticks, FULL_PWM, Gains
 FRAME_MILLISECONDS = 33
 # What the board believes a second has: set-points are ticks in one of these.
 FRAMES_PER_SECOND = 30.0
+MOST_TICKS = 0x7FFF
 
 
 @dataclass
@@ -215,10 +216,17 @@ class ArbotixHost:
 def setpoints_of(
     linear: float, angular: float, base_width: float, ticks_meter: float
 ) -> tuple[int, int]:
-    """Return what arbotix makes of a velocity [m/s], [rad/s]: whole ticks per 1/30 s."""
-    left = (linear - angular * base_width / 2.0) * ticks_meter / FRAMES_PER_SECOND
-    right = (linear + angular * base_width / 2.0) * ticks_meter / FRAMES_PER_SECOND
-    return int(left), int(right)
+    """
+    Return what arbotix makes of a velocity [m/s], [rad/s]: whole ticks per 1/30 s.
+
+    The board has 16 bits for them; what is beyond is the most that they hold.
+    """
+    half = angular * base_width / 2.0
+    left, right = (
+        int(max(-MOST_TICKS, min(speed * ticks_meter / FRAMES_PER_SECOND, MOST_TICKS)))
+        for speed in (linear - half, linear + half)
+    )
+    return left, right
 
 
 class LegacyController:

@@ -134,6 +134,8 @@ def test_a_frame_is_34_milliseconds():
         ((0.3, 0.0), (41, 41)),
         ((0.0, 1.0), (-17, 17)),  # 0.13 m/s: 17.77
         ((0.007, 0.0), (0, 0)),  # less than a tick
+        ((1e308, 0.0), (32767, 32767)),  # the most that 16 bits hold
+        ((-1e300, 1e308), (-32767, 32767)),
     ],
 )
 def test_set_points_are_whole_ticks_in_a_thirtieth_of_a_second(velocity, setpoints):
