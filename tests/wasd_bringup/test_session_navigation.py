@@ -485,6 +485,18 @@ def test_what_waits_for_the_pose_is_cancelled_by_whatever_cancels_a_goal(
 
 
 @pytest.mark.slow
+def test_a_goal_that_never_began_since_the_map_does_not_find_the_place_says_that(
+    session_of, monkeypatch
+):
+    session = session_of(goals=(GOAL,))
+    monkeypatch.setattr(Navigator, 'is_placed', False)
+    session.simulation.advance(400)
+    navigation(session).close()
+    why = 'it never began: the robot does not know yet where it is'
+    assert ended(session) == ('failed', why)
+
+
+@pytest.mark.slow
 def test_a_goal_waits_for_the_keys_that_make_a_go2_follow_velocities_and_says_if_none_came(
     session_of,
 ):

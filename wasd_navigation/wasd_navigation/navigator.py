@@ -108,7 +108,7 @@ class Navigator:
         """One word: idle, waiting, driving, turning, recovering, arrived, refused, ..."""
         if self.goal is None:
             return 'idle' if self.outcome is None else self.outcome.state
-        return 'waiting' if self._missing else self.pilot.state
+        return 'waiting' if self.missing else self.pilot.state
 
     @property
     def reason(self) -> str:
@@ -117,7 +117,7 @@ class Navigator:
             return '' if self.outcome is None else self.outcome.reason
         if self._is_searching and not self.pilot.reason:
             return f'searches for a way to ({self.goal[0]:.2f}, {self.goal[1]:.2f})'
-        return self._missing or self.pilot.reason
+        return self.missing or self.pilot.reason
 
     @property
     def grid(self) -> Grid:
@@ -146,7 +146,7 @@ class Navigator:
         return bool(getattr(self.locator, 'grows', False))
 
     @property
-    def _missing(self) -> str:
+    def missing(self) -> str:
         """What has to come before anything can drive."""
         if not self.scans:
             return 'no scan has come yet'
@@ -241,7 +241,7 @@ class Navigator:
         if self.goal is None:
             return None
         pose = self.pose
-        if (missing := self._missing) or pose is None or self._odometry is None:
+        if (missing := self.missing) or pose is None or self._odometry is None:
             self._wait(missing, dt)
             return np.zeros(3)
         self._waited, self._was_placed = 0.0, True

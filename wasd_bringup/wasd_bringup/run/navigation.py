@@ -224,7 +224,7 @@ class NavigationDriver:
             UserError: it cannot be written.
         """
         self.unit.stop('the navigator ends')
-        why = self.robot.refusal or self.navigator.notice or 'there was no time for it'
+        why = self.robot.refusal or self.navigator.missing or 'there was no time for it'
         goals, self._goals = self._goals, ()
         for goal in goals:
             self._record(goal, Outcome('failed', f'it never began: {why}'))
