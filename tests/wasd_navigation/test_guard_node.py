@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The guard on topics: what it relays, and what it does without sensors."""
 
+import time
+
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import numpy as np
@@ -104,11 +106,11 @@ def idle(guard):
     return idle
 
 
-def command(guard, speed: float) -> float:
-    """Ask for a speed ahead; return what of it passes."""
+def command(guard, speed: float, age: int = 0) -> float:
+    """Ask, so long ago [s], for a speed ahead; return what of it passes."""
     twist = Twist()
     twist.linear.x = speed
-    guard._on_velocity(twist)
+    guard._on_velocity(twist, {'source_timestamp': time.time_ns() - age * 10**9})
     return float(guard.guard.last.velocity[0])
 
 
@@ -132,6 +134,20 @@ def test_what_was_hidden_while_it_rested_is_still_there(guard, idle) -> None:
     idle(0.1, hidden)
     assert command(guard, 0.3) < 0.15
     assert guard.guard.last.why.endswith(' m ahead')
+
+
+def test_what_was_asked_before_or_while_it_was_stopped_is_not_relayed(guard, monkeypatch) -> None:
+    relayed: list[float] = []
+    monkeypatch.setattr(guard, '_publish', lambda velocity: relayed.append(velocity[0]))
+    sense(guard, 4.0)
+    command(guard, 0.3)
+    guard._absence._absence._lived_at -= 4.0  # as if the process had been stopped
+    command(guard, 0.5, age=1)
+    sense(guard, 0.2 + 0.03 + 0.1)  # the command before would be limited now
+    guard.step()
+    assert relayed == [0.3, 0.0]
+    command(guard, -0.2)
+    assert relayed == [0.3, 0.0, -0.2]
 
 
 def test_a_topic_that_is_none_is_one_line(isolated_ros, capfd) -> None:

@@ -16,7 +16,14 @@ from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import Watchdog
-from wasd_core.topics import LATCHED, RELIABLE, SENSOR_DATA, tf_message_type, TF_STATIC
+from wasd_core.topics import (
+    AbsenceWatch,
+    LATCHED,
+    RELIABLE,
+    SENSOR_DATA,
+    tf_message_type,
+    TF_STATIC,
+)
 from wasd_core.velocity_messages import stamped, to_twist, to_velocity
 
 from wasd_navigation.guard import Guard, GuardSenses, warm_up
@@ -58,7 +65,10 @@ class GuardNode(Node):
         self._out = self.create_publisher(kind, settings.cmd_vel_out_topic, RELIABLE)
         self._state = self.create_publisher(String, '~/state', LATCHED)
         self._said = ''
-        self.create_subscription(kind, settings.cmd_vel_in_topic, self._on_velocity, RELIABLE)
+        self._absence = AbsenceWatch(self, self._on_return)
+        # rclpy's types know no callback of two parameters.
+        on_velocity: Any = self._on_velocity
+        self.create_subscription(kind, settings.cmd_vel_in_topic, on_velocity, RELIABLE)
         self.create_subscription(OdometryMessage, 'odom', self._on_odometry, SENSOR_DATA)
         self.create_subscription(LaserScan, settings.scan_topic, self._on_scan, SENSOR_DATA)
         tf = tf_message_type()
@@ -70,6 +80,7 @@ class GuardNode(Node):
 
     def step(self) -> None:
         """Look again at the command in force: something may have come nearer."""
+        self._absence.beat()
         self._pass_time()
         if self._heard.is_alive:
             before = self.guard.last.velocity
@@ -99,7 +110,14 @@ class GuardNode(Node):
             self._state.publish(String(data=words))
         return guarded.velocity
 
-    def _on_velocity(self, message: Any) -> None:
+    def _on_return(self, gap: float) -> None:
+        """Begin without a command after this process stood still: nobody knows who wants it."""
+        self.close()
+        self._heard.reset()
+
+    def _on_velocity(self, message: Any, info: dict[str, int]) -> None:
+        if self._absence.is_stale(info['source_timestamp']):
+            return  # it waited meanwhile
         self._asked = np.array(to_velocity(message))
         if self._is_stamped:
             self._base_frame = message.header.frame_id
