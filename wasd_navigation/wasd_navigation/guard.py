@@ -32,6 +32,8 @@ RAY = 0.03
 OWN = 0.05
 # A motion is tested in steps that move no part of the footprint farther than this [m].
 STRIDE = 0.02
+# No robot is faster [m/s], [rad/s]: looking ahead would take for ever.
+FASTEST = 100.0
 # Slower is standing [m/s or rad/s]; and less than this is no nearer [m].
 REST, NO_NEARER = 1e-3, 1e-6
 # A robot that cannot stop in time goes on no faster than this [m/s].
@@ -162,8 +164,8 @@ class Guard:
 
     def _limit(self, asked: np.ndarray, odometry: Odometry | None) -> Guarded:
         still = np.zeros(3)
-        if not np.isfinite(asked).all():
-            return Guarded(still, 'stop', 'the command is not finite')
+        if not (np.abs(asked) <= FASTEST).all():
+            return Guarded(still, 'stop', f'the command is not within {FASTEST:g} m/s and rad/s')
         if not asked.any() or not self._parameters.enabled:
             return Guarded(asked)
         if not self._sighted.is_alive:
