@@ -156,10 +156,12 @@ class SimulatorNode(Node):
             schedule.every(schedule.stride * self._world.time_step, self.sensors.step)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
-        """Publish the real-time factor, how long the controller's ticks take, and its state."""
+        """Publish the real-time factor, how long ticks take, and the state, or that it pauses."""
         speed = self.simulation.pacer.speed
-        factor = self.simulation.pacer.real_time_factor
-        slow = not self.simulation.paused and factor < SLOW * speed
+        factor, paused = self.simulation.pacer.real_time_factor, self.simulation.paused
+        if paused:
+            state, factor = 'paused', 0.0
+        slow = not paused and factor < SLOW * speed
         values = {'real_time_factor': f'{factor:.2f}', 'state': state}
         if ticks is not None:
             summary = ticks.summary(last=1000)

@@ -333,6 +333,19 @@ def test_diagnostics_say_how_fast_it_runs(peer, simulator, spawn, spin_until):
     }
 
 
+def test_diagnostics_of_a_paused_simulator_say_so_and_repeat_no_factor(
+    peer, simulator, spawn, spin_until
+):
+    simulator.simulation.pacer.real_time_factor = 0.47
+    simulator.simulation.paused = True
+    simulator.publish_diagnostics('running')
+    spin_until(spawn.pump, lambda: peer.diagnostics)
+    (status,) = peer.diagnostics[0].status
+    said = {pair.key: pair.value for pair in status.values}
+    assert (status.level, status.message) == (DiagnosticStatus.OK, 'paused')
+    assert (said['state'], said['real_time_factor']) == ('paused', '0.00')
+
+
 def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_until):
     simulator.simulation.pacer.speed = 0.05  # even a busy machine keeps up with that
     spin = spawn.pump.handle
