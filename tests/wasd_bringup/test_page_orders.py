@@ -12,7 +12,7 @@ from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.inputs import ScriptedTwist, SWITCH_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import REFUSED
-from wasd_cockpit.link import Order, Stick, STICK_PROOF, words_of
+from wasd_cockpit.link import Order, Push, Stick, STICK_PROOF, words_of
 from wasd_core.output_file import OutputFile
 
 pytestmark = pytest.mark.slow
@@ -30,16 +30,18 @@ class Run:
         for face, heard in zip(self.session.face.faces, self.heard, strict=True):
             face.keys.publish_key = heard.append
         self._now = 0.0
+        self._grip = None  # of the hand
 
     def look(self, stick=None, force=None):
         """Let the page hold a stick and a force, and the session look at them."""
-        self.bridge._link.hold(stick, force)
+        self._grip = None if force is None else self._grip or self.bridge._grip
+        self.bridge._link.hold(stick, None if force is None else Push(force, self._grip))
         self.bridge.step(self._now, PERIOD)
         self._now += SNAPSHOT_EVERY * PERIOD
 
-    def order(self, what, name=''):
+    def order(self, what, name='', **held):
         self.bridge._link.order(Order(what, name))
-        self.look()
+        self.look(**held)
 
     def close(self):
         self.bridge.close()
@@ -142,15 +144,33 @@ def test_a_hand_that_pushes_for_a_second_gives_its_force_times_a_second(run_of, 
     np.testing.assert_allclose(data.subtree_linvel[world.root], expected, rtol=1e-3)
 
 
-def test_a_hand_pushes_the_robot_in_turn_alone(run_of):
+def test_a_hand_pushes_what_it_took_hold_of_while_that_is_in_turn_and_nothing_else(run_of):
     run = run_of('both', 'unitree')
-    data = run.session.world.data
     go2, mbot = (robot.world.root for robot in run.session.robots)
-    run.look(force=(1.0, 0.0, 0.0))
-    assert data.xfrc_applied[[go2, mbot], 0].tolist() == [1.0, 0.0]
+
+    def pushed(force=(1.0, 0.0, 0.0)):
+        run.look(force=force)
+        return run.session.world.data.xfrc_applied[[go2, mbot], 0].tolist()
+
+    assert pushed() == [1.0, 0.0]
     run.session.press(SWITCH_KEY)
-    run.look(force=(1.0, 0.0, 0.0))
-    assert data.xfrc_applied[[go2, mbot], 0].tolist() == [0.0, 1.0]
+    assert pushed() == pushed() == [0.0, 0.0]
+    assert pushed(None) == [0.0, 0.0]
+    assert pushed() == [0.0, 1.0]
+
+
+def test_a_hand_that_pushes_over_a_reset_pushes_again_after_its_release(run_of):
+    run = run_of('mbot', 'mbot')
+    applied, force = run.session.world.data.xfrc_applied, (1.0, 0.0, 0.0)
+    run.look(force=force)
+    assert applied.any()
+    run.order('reset', force=force)
+    for _ in range(2):
+        assert not applied.any()
+        run.look(force=force)
+    run.look()
+    run.look(force=force)
+    assert applied.any()
 
 
 @pytest.mark.parametrize(('robot', 'preset'), [('go2', 'unitree'), ('mbot', 'ramps')])

@@ -377,10 +377,10 @@ def scenario_a_hand_pushes_the_robot_and_lets_it_go(page: Page) -> None:
     page.puppet.press_at(page.show('hand'))
     x, y = page.puppet.mouse
     page.puppet.drag_to((x + 200, y))
-    page.wait_until(lambda: page.cockpit.page.link.force, 'a force')
+    page.wait_until(lambda: page.cockpit.page.link.push, 'a force')
     page.wait(0.6)
     page.puppet.let_go()
-    page.wait_until(lambda: page.cockpit.page.link.force is None, 'no force')
+    page.wait_until(lambda: page.cockpit.page.link.push is None, 'no force')
     page.wait(0.2)
     assert not page.session.world.data.xfrc_applied.any()
     assert np.abs(page.session.world.base().position - before).max() > 0.005

@@ -19,8 +19,8 @@ STICK_PROOF = 0.3
 ATTENTION = 1.0
 # More orders than these at once are nobody's wish.
 MOST_ORDERS = 100
-# A force in the world's axes [N].
-Force = tuple[float, float, float]
+# What a hand takes hold of: the number of a robot, and how often all was reset before.
+Grip = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,13 @@ class Stick(NamedTuple):
     forward: float = 0.0
     left: float = 0.0
     turn: float = 0.0
+
+
+class Push(NamedTuple):
+    """A hand's force in the world's axes [N], on what it took hold of and on nothing else."""
+
+    force: tuple[float, float, float]
+    grip: Grip
 
 
 class StickUse(NamedTuple):
@@ -268,12 +275,13 @@ class Snapshot:
     """
     One instant of a run: all data of the page.
 
-    `robot` is which of `robots` is driven. `speed` is the factor of real time that is wanted, 0 as
-    fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the
-    last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]. `body`, `qpos` and
-    `mocap` (positions and quaternions of moving boxes, shape (n, 7)) are MuJoCo's, `mass` is the
-    robot's [kg]. `navigation` is None without a map. `elevation` is None while the page does not
-    look at it, `no_elevation` says why there is never one.
+    `robot` is which of `robots` is driven, `grip` what a push takes hold of now. `speed` is the
+    factor of real time that is wanted, 0 as fast as it goes, `pace` the one that is reached.
+    `history` has a row for each sample of the last SPAN seconds (see `Columns`), `trail` (n, 2)
+    where the robot was [m]. `body`, `qpos` and `mocap` (positions and quaternions of moving boxes,
+    shape (n, 7)) are MuJoCo's, `mass` is the robot's [kg]. `navigation` is None without a map.
+    `elevation` is None while the page does not look at it, `no_elevation` says why there is never
+    one.
     """
 
     time: float
@@ -282,6 +290,7 @@ class Snapshot:
     pace: float
     robots: tuple[str, ...]
     robot: int
+    grip: Grip
     state: str
     facts: tuple[str, ...]
     message: str
@@ -332,7 +341,7 @@ def navigation_words(navigation: Navigation | None) -> str:
 
 class _Held(NamedTuple):
     stick: Stick | None
-    force: Force | None
+    push: Push | None
     at: float
 
 
@@ -340,7 +349,7 @@ class Link:
     """
     Where the page and the simulation meet, without a lock: each side swaps whole values.
 
-    The simulation sets `snapshot`, and takes `orders`, the `stick` and the `force` of a hand; the
+    The simulation sets `snapshot`, and takes `orders`, the `stick` and the `push` of a hand; the
     page the other way round. What is held must be renewed: what nobody renews is let go.
     """
 
@@ -356,9 +365,9 @@ class Link:
         """Ask for something; by the page."""
         self._orders.append(order)
 
-    def hold(self, stick: Stick | None, force: Force | None = None) -> None:
+    def hold(self, stick: Stick | None, push: Push | None = None) -> None:
         """Say what is held, None what is not; by the page, in each frame."""
-        self._held = _Held(stick, force, self._clock())
+        self._held = _Held(stick, push, self._clock())
 
     def look(self) -> None:
         """Say that somebody looks at the elevation; by the page, in each frame."""
@@ -387,9 +396,9 @@ class Link:
         return self._held.stick is not None
 
     @property
-    def force(self) -> Force | None:
-        """The force with which a hand pushes the robot now [N]."""
-        return self._proved.force
+    def push(self) -> Push | None:
+        """How a hand pushes a robot now."""
+        return self._proved.push
 
     @property
     def _proved(self) -> _Held:

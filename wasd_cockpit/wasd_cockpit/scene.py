@@ -13,7 +13,7 @@ import numpy as np
 from wasd_core.rotations import rpy_from_matrix
 
 from wasd_cockpit import style
-from wasd_cockpit.link import Marks, moved, Order, Snapshot
+from wasd_cockpit.link import Grip, Marks, moved, Order, Push, Snapshot
 from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.widgets import Dragging
 
@@ -117,7 +117,8 @@ class Scene:
         self.lifted: float | None = None
         self._pool = Pool()
         self._home: tuple[float, float, float] | None = None
-        self._grabbed: tuple[np.ndarray, tuple[float, float]] | None = None
+        # Where the robot and the pointer were then, and what is held, None once it is lost.
+        self._grabbed: tuple[np.ndarray, tuple[float, float], Grip | None] | None = None
         self._in_force = ''
         self._scale = 1.0
         self._dragging = Dragging()
@@ -232,14 +233,17 @@ class Scene:
             page.link.order(Order.goal(*drag))
 
     def _push(self, page: PageState, snapshot: Snapshot) -> None:
-        """Pull the robot where the pointer drags it."""
+        """Pull where the pointer drags it what it has taken hold of, and nothing else."""
         mouse, place = imgui.GetMousePos(), snapshot.marks.place
         if self._grabbed is None:
-            self._grabbed = place.copy(), (mouse.x, mouse.y)
-        start, (x, y) = self._grabbed
+            self._grabbed = place.copy(), (mouse.x, mouse.y), snapshot.grip
+        start, (x, y), grip = self._grabbed
+        if grip != snapshot.grip:
+            self._grabbed = start, (x, y), None
+            return
         force = pull(page.viewer, (mouse.x - x, mouse.y - y), place - start, snapshot.mass)
         self.force = float(np.linalg.norm(force))
-        page.push = (float(force[0]), float(force[1]), float(force[2]))
+        page.push = Push((float(force[0]), float(force[1]), float(force[2])), snapshot.grip)
         end = place + force / (STIFFNESS * snapshot.mass)
         self._pool.link(_ARROW, 0.03 * snapshot.marks.size, place, end, style.ODOMETRY)
 

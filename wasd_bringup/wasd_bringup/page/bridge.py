@@ -12,6 +12,7 @@ from wasd_cockpit.cockpit import Cockpit, usual_path
 from wasd_cockpit.link import (
     Choice,
     Columns,
+    Grip,
     History,
     Link,
     moved,
@@ -238,6 +239,11 @@ class CockpitBridge:
     def _active(self) -> RobotHistory:
         return self._watched[self._run.active]
 
+    @property
+    def _grip(self) -> Grip:
+        """What a hand that begins to push now takes hold of."""
+        return self._run.active, self._run.world.physics.resets
+
     def _is_looked_at(self, watched: RobotHistory) -> bool:
         """Whether the page looks at the elevation of this robot."""
         return self._link.is_looked_at and watched is self._active
@@ -250,7 +256,7 @@ class CockpitBridge:
             self._disarm()
         elif link.stick is None:
             self.let_go()
-        if self._pushed is not None and (link.force is None or self._pushed != active):
+        if self._pushed is not None and (link.push is None or self._pushed != active):
             self._push()
 
     def _follow_stick(self) -> None:
@@ -267,10 +273,11 @@ class CockpitBridge:
             self._active.robot.drive(self._velocity, 'page')
 
     def _push(self) -> None:
-        """Push the robot in turn as the hand does on the page, and no other one."""
-        given = self._link.force
-        self._pushed = None if given is None else self._run.active
-        force = given or (0.0, 0.0, 0.0)
+        """Push the robot in turn as the hand that took hold of it does, and no other one."""
+        push, force = self._link.push, (0.0, 0.0, 0.0)
+        self._pushed = None
+        if push is not None and push.grip == self._grip:
+            force, self._pushed = push.force, self._run.active
         for watched in self._watched:
             is_active = watched is self._active
             watched.robot.world.keep_pushing(force if is_active else (0.0, 0.0, 0.0))
@@ -314,6 +321,7 @@ class CockpitBridge:
             pace=simulation.pacer.real_time_factor,
             robots=tuple(robot.name for robot in run.robots),
             robot=run.active,
+            grip=self._grip,
             state=status.state,
             # Legs have but the command, which the marks tell, too.
             facts=() if watched.robot.has_states else status.facts,

@@ -8,7 +8,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.input import PageInput
 
 from wasd_cockpit.layout import Layout
-from wasd_cockpit.link import Force, Link, Snapshot, Stick
+from wasd_cockpit.link import Link, Push, Snapshot, Stick
 from wasd_cockpit.sight import Sight
 from wasd_cockpit.widgets import Widgets
 
@@ -30,7 +30,7 @@ class PageState:
     input: PageInput | None = None
     snapshot: Snapshot | None = None
     held: Stick | None = None
-    push: Force | None = None
+    push: Push | None = None
     is_live: bool = False
 
     def beside_tabs(self, gap: float) -> None:
