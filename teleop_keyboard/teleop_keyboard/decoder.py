@@ -4,7 +4,7 @@
 import codecs
 from typing import NamedTuple
 
-from teleop_keyboard.keymap import with_modifiers
+from teleop_keyboard.keymap import capital, with_modifiers
 from teleop_keyboard.told_keys import ToldKeys
 
 ESC = 0x1B
@@ -298,7 +298,7 @@ def _unicode_key(code: int, modifiers: int, text: str) -> str | None:
     if (modifiers - 1) & 0x6 == 0:
         if len(text) == 1 and text.isprintable():
             return text
-        return chr(code).upper() if (modifiers - 1) & 0x1 else chr(code)
+        return capital(chr(code)) if (modifiers - 1) & 0x1 else chr(code)
     return _modified(chr(code), modifiers)
 
 

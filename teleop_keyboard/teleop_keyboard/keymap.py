@@ -36,6 +36,12 @@ SIGNAL_KEYS = {
 }
 
 
+def capital(character: str) -> str:
+    """Return the capital of a character; itself where that would be several, as of `ß`."""
+    upper = character.upper()
+    return upper if len(upper) == 1 else character
+
+
 def with_modifiers(key: str, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> str:
     """Return the name of a key pressed together with modifiers; blanks become `SPACE`."""
     if not (ctrl or alt or shift):
@@ -43,7 +49,7 @@ def with_modifiers(key: str, *, ctrl: bool = False, alt: bool = False, shift: bo
     base = 'SPACE' if key == ' ' else key
     if ctrl and len(base) == 1:
         # Terminals cannot tell Ctrl+a from Ctrl+A: one name for both.
-        base = base.upper()
+        base = capital(base)
     pressed = zip(MODIFIERS, (ctrl, alt, shift), strict=True)
     return '+'.join([name for name, is_down in pressed if is_down] + [base])
 

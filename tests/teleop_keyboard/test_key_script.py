@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 from cases import for_all
 import pytest
-from teleop_keyboard.key_script import KeyPress, KeyScriptError, parse_key_script
+from teleop_keyboard.decoder import KeyDecoder
+from teleop_keyboard.key_script import KeyPress, KeyScriptError, parse_key_script, script_word
 
 from teleop_keyboard import key_script
 
@@ -30,6 +31,15 @@ def test_characters_of_the_format_have_names():
     script = '0 SPACE STAR HASH STAR*2 SPACE*1 SHIFT+UP ,'
     keys = [press.key for press in parse_key_script(script)]
     assert sorted(keys) == sorted([' ', '*', '#', '*', '*', ' ', 'SHIFT+UP', ','])
+
+
+def test_a_character_whose_capital_is_two_is_a_key_that_a_script_knows_with_any_modifier():
+    several = [code for code in range(0x10000) if len(chr(code).upper()) > 1]
+    assert ord('ß') in several
+    for modifiers in range(1, 9):
+        for code in several:
+            (key,) = KeyDecoder().feed(f'\x1b[{code};{modifiers}u'.encode())
+            assert [press.key for press in parse_key_script(f'0 {script_word(key)}')] == [key]
 
 
 @for_all(
