@@ -11,6 +11,7 @@ import dataclasses
 import functools
 from importlib import resources
 import math
+import os
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
@@ -84,7 +85,7 @@ def _with_keys_of_layout(keymap: Keymap, layout: str) -> Keymap:
 def _load(name_or_path: str, others: Sequence[str]) -> Keymap:
     if name_or_path in preset_names():
         return _built_in(name_or_path)
-    path = Path(name_or_path).expanduser()
+    path = Path(os.path.expanduser(name_or_path))  # an unknown user stays
     if '/' not in name_or_path and path.suffix not in ('.yaml', '.yml'):
         names = (*preset_names(), *others)
         hint = did_you_mean(name_or_path, names)

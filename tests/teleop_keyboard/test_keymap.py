@@ -177,6 +177,7 @@ def test_an_unknown_preset_lists_the_known_ones():
         load_preset('mbto')
 
 
-def test_a_missing_file_is_one_line_that_names_it(tmp_path):
+@for_all('folder', ['/nowhere', '~nobody-of-that-name'])
+def test_a_missing_file_is_one_line_that_names_it(folder):
     with pytest.raises(InvalidParameter, match='none.yaml: cannot read the keymap: No such file'):
-        load_preset(str(tmp_path / 'none.yaml'))
+        load_preset(f'{folder}/none.yaml')
