@@ -173,7 +173,8 @@ class Sticks:
     """
     Keys step an axis by 0.05 and it stays there; space returns all to zero.
 
-    Counts steps as integers, so that twenty up and twenty down is exactly zero.
+    Counts steps as integers, so that twenty up and twenty down is exactly zero. `pressed` is where
+    the keys have moved them, `values` what counts: the same, but between `begin_anew` and `meet`.
     """
 
     def __init__(self) -> None:
@@ -181,7 +182,17 @@ class Sticks:
 
     def zero(self) -> None:
         """Centre both sticks."""
-        self._counts, self.values = dict.fromkeys(('lx', 'ly', 'rx', 'ry'), 0), StickValues()
+        self.begin_anew()
+        self.meet()
+
+    def begin_anew(self) -> None:
+        """Move from the centre from now on, for the state that is due; `values` stay till then."""
+        self._counts, self.pressed = dict.fromkeys(('lx', 'ly', 'rx', 'ry'), 0), StickValues()
+        self._is_early = True
+
+    def meet(self) -> None:
+        """Let the keys count that have been pressed."""
+        self.values, self._is_early = self.pressed, False
 
     def press(self, key: str) -> bool:
         """Take a key, upper or lower case; False when it is no stick key."""
@@ -193,7 +204,9 @@ class Sticks:
         axis, direction = STICK_KEYS[key.lower()]
         full = round(1.0 / STEP)
         self._counts[axis] = min(max(self._counts[axis] + direction, -full), full)
-        self.values = replace(self.values, **{axis: self._counts[axis] / full})
+        self.pressed = replace(self.pressed, **{axis: self._counts[axis] / full})
+        if not self._is_early:
+            self.meet()
         return True
 
 

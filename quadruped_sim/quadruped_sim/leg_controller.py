@@ -280,6 +280,7 @@ class LegController:
             refusal = self.refusal(key)
             if not refusal:
                 self._machine.press(self._meaning(key))
+                self.sticks.begin_anew()
             return refusal or None
         state = self._machine.coming
         if not self.takes_sticks:
@@ -291,10 +292,10 @@ class LegController:
         if key == EYES_KEY and self.words.is_for_legs(key):
             self.eyes = not self.eyes
             return self.words.to_eyes(self.eyes, self._terrain is not None)
-        before = self.sticks.values
+        before = self.sticks.pressed
         if not self.sticks.press(key):
             return self.words.to_other(state, key)
-        return self.words.to_stick(state, key, has_moved=self.sticks.values != before)
+        return self.words.to_stick(state, key, has_moved=self.sticks.pressed != before)
 
     def refusal(self, key: str) -> str:
         """Return why a state's key does nothing now; '' if it does something."""
@@ -439,15 +440,19 @@ class LegController:
             self._machine.force(SUCCESSORS[self._machine.state])
         elif self.hindrance and not self.rests:
             self._machine.force(StateName.FIXED_STAND)
-        is_let_go = self._machine.begin_tick() is StateName.PASSIVE
+        due = self._machine.begin_tick()
+        if due is not None:  # maybe the same again, by two keys
+            self.sticks.meet()
+            self.command_filter.forget_request()
         if self._entered is not self._machine.state:
             if self._machine.state is not StateName.PASSIVE:
                 self.event = None
-            self.sticks.zero()
+            if due is None:
+                self.sticks.zero()
             self._parts.walks_on = self._entered is StateName.POLICY and _is_moving(robot)
             self._states[self._machine.state].enter(robot)
             self._entered = self._machine.state
-        if is_let_go:
+        if due is StateName.PASSIVE:
             self._passive.go_down(robot)
 
     def _let_go(self, reason: str) -> None:

@@ -119,6 +119,11 @@ def test_a_velocity_ends_with_the_state_that_follows_it():
     dog.drive(0.5)
     dog.run(1.0)
     assert np.hypot(*(dog.truth.position - start)[:2]) > 0.2
+    for key in '25':  # in one instant: it trots on, without its velocity
+        dog.press(key)
+    dog.run(0.5)
+    assert dog.state == 'move base'
+    assert np.hypot(*dog.truth.linear_velocity[:2]) < 0.1
 
 
 def test_a_run_that_was_interrupted_in_the_midst_of_a_step_goes_on():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.keys import KeyWords
+from quadruped_sim.keys import KeyWords, StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import LegControllerParameters
@@ -68,6 +68,37 @@ def test_sticks_are_zero_after_every_entry(controller, run):
         controller.press(key)
         run(controller, 3)
         assert controller.sticks.values.ly == 0.0
+
+
+def test_keys_that_come_with_a_states_key_move_the_sticks_of_that_state(controller, run):
+    run(controller, 2)
+    controller.press('2')
+    run(controller, 3)
+    for key in '4w':
+        assert controller.press(key) is None
+    run(controller, 3)
+    assert controller.state == 'trotting'
+    assert controller.sticks.values.ly == 0.05
+    for key in '24':
+        assert controller.press(key) is None
+    assert controller.press('d') is None
+    assert controller.sticks.values.ly == 0.05  # its trot has not ended yet
+    run(controller, 3)
+    assert controller.state == 'trotting'
+    assert controller.sticks.values == StickValues(lx=0.05)
+
+
+def test_a_velocity_ends_with_a_states_key_also_where_the_next_leads_back(controller, run):
+    run(controller, 2)
+    for key in '25':
+        controller.press(key)
+        run(controller, 3)
+    controller.set_velocity(0.5, 0.0, 0.0)
+    for key in '25':
+        controller.press(key)
+    run(controller, 3)
+    assert controller.state == 'move base'
+    assert controller.command_filter.is_silent
 
 
 def test_velocity_commands_need_move_base(controller, run):

@@ -289,6 +289,8 @@ class Go2(Robot):
             controller = self._robot.legs.controller
             said: str | None = controller.press(key)
             state = controller.coming_state
+            if said is None and key in STATE_KEYS:
+                self._velocity = None  # also where further keys lead back to this state
         if said is not None and key in STATE_KEYS and STATE_KEYS[key] != state:
             raise UserError(said)
         return said
