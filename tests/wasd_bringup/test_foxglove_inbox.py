@@ -214,6 +214,23 @@ def test_a_flood_is_cut_and_never_holds_up_a_look(inbox, client, robots):
     assert inbox.step(STEP) == []
 
 
+def test_an_e_stop_and_its_client_are_heard_while_others_flood(inbox, robots):
+    for number in range(1, 4):
+        flooder = Client(inbox, number).advertise('/go2/cmd_vel')
+        for _ in range(LONGEST_QUEUE):
+            flooder.drive(FAST)
+    other = Client(inbox, 4).advertise('/mbot/keys')
+    other.key('ESC')
+    inbox.step(STEP)
+    assert robots[1].stops == ['foxglove 4']
+    assert len(robots[0].velocities) < AT_ONCE
+    other.leave()
+    pass_time(inbox, 1.0)
+    Client(inbox, 5).advertise('/mbot/cmd_vel').drive(SLOW)
+    inbox.step(STEP)
+    assert robots[1].velocities == [SLOW]
+
+
 def test_a_channel_that_was_not_advertised_says_nothing(inbox, client, robots):
     client.drive(FAST, channel=7)
     assert inbox.step(STEP) == []

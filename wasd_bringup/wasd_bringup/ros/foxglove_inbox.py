@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of Foxglove's clients: velocities and keys count while their sender is alive."""
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 import queue
+import threading
 from typing import Any, NamedTuple
 
 from wasd_core.errors import UserError
@@ -15,7 +17,7 @@ SILENCE = 0.5
 # Messages that come within this time after a pause of this process, or after `disarm`, are from
 # before it [s].
 AFTERMATH = 0.25
-# Messages taken at a look, and kept between two looks, at most; and bytes of one.
+# Messages taken at a look of all clients, and kept of each one, at most; and bytes of one.
 AT_ONCE = 200
 LONGEST_QUEUE = 2000
 LARGEST = 65536
@@ -105,9 +107,9 @@ class Inbox:
         self._read_velocity, self._read_key = read_velocity, read_key
         self._targets: Sequence[Target] = ()
         self._clients: dict[int, _Client] = {}
-        self._events: queue.SimpleQueue[tuple[int, int, Sender | bytes | None]] = (
-            queue.SimpleQueue()
-        )
+        # By clients: what each says waits on its own, with the channel.
+        self._events: dict[int, deque[tuple[int, Sender | bytes | None]]] = {}
+        self._lock = threading.Lock()
         self._subscriptions: queue.SimpleQueue[tuple[str, int, bool]] = queue.SimpleQueue()
         self._deaf = 0.0
 
@@ -122,16 +124,22 @@ class Inbox:
     def on_client_advertise(self, client: Any, channel: Any) -> None:
         """Note what a client wants to publish."""
         sender = Sender(channel.topic, channel.encoding, channel.schema_name)
-        self._events.put((client.id, channel.id, sender))
+        self._put(client.id, channel.id, sender)
 
     def on_client_unadvertise(self, client: Any, channel_id: int) -> None:
         """Note that it will not, or has gone."""
-        self._events.put((client.id, channel_id, None))
+        self._put(client.id, channel_id, None)
 
     def on_message_data(self, client: Any, channel_id: int, data: bytes) -> None:
         """Note what a client says; a flood is cut."""
-        if len(data) <= LARGEST and self._events.qsize() < LONGEST_QUEUE:
-            self._events.put((client.id, channel_id, data))
+        if len(data) <= LARGEST:
+            self._put(client.id, channel_id, data)
+
+    def _put(self, client_id: int, channel: int, what: Sender | bytes | None) -> None:
+        with self._lock:
+            events = self._events.setdefault(client_id, deque())
+            if not isinstance(what, bytes) or len(events) < LONGEST_QUEUE:
+                events.append((channel, what))
 
     def receive_for(self, targets: Sequence[Target]) -> None:
         """Set the robots that clients drive; before that no message counts."""
@@ -148,9 +156,9 @@ class Inbox:
         for client in self._clients.values():
             client.step(dt)
         refused: list[str] = []
-        for _ in range(min(self._events.qsize(), AT_ONCE)):
+        for event in self._next():
             try:
-                self._take(*self._events.get_nowait())
+                self._take(*event)
             except UserError as error:
                 refused.append(str(error))
         return refused[-1:]
@@ -163,6 +171,18 @@ class Inbox:
         """Stop what clients have set moving."""
         for client in self._clients.values():
             client.stop()
+
+    def _next(self) -> list[tuple[int, int, Sender | bytes | None]]:
+        """Return what is heard at a look: as much of each client, so that none drowns others."""
+        with self._lock:
+            share = max(AT_ONCE // max(len(self._events), 1), 1)
+            taken = [
+                (client_id, *events.popleft())
+                for client_id, events in self._events.items()
+                for _ in range(min(len(events), share))
+            ]
+            self._events = {number: events for number, events in self._events.items() if events}
+        return taken
 
     def _take(self, client_id: int, channel: int, what: Sender | bytes | None) -> None:
         client = self._clients.setdefault(client_id, _Client(client_id, self._targets))
