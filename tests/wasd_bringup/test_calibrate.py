@@ -3,15 +3,19 @@
 
 import contextlib
 import io
+import math
 from pathlib import Path
+import shlex
+from types import SimpleNamespace
 
 from cases import for_all
 from diff_drive_sim.controller_file import read_controller_file
+from diff_drive_sim.odometry import DiffDriveGeometry
 import numpy as np
 import pytest
 from wasd_bringup.cli import main
 from wasd_bringup.tools import calibrate
-from wasd_bringup.tools.calibrate import to_yaml
+from wasd_bringup.tools.calibrate import SquareTest, to_yaml
 from wasd_core.errors import UserError
 
 pytestmark = pytest.mark.slow
@@ -23,7 +27,7 @@ TRUE_RADIUS, TRUE_SEPARATION = 0.06, 0.38
 @pytest.fixture(scope='module')
 def calibrated(tmp_path_factory):
     """Return the status, the output and the file of a calibration with 2 % and 0.26 m put in."""
-    file = tmp_path_factory.mktemp('calibration') / 'mbot.yaml'
+    file = tmp_path_factory.mktemp('calibration') / 'my mbot.yaml'
     words = ['--wheel-separation', '0.26', '--right-radius', '0.0612', '--output', str(file)]
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
@@ -51,6 +55,13 @@ def test_it_shows_what_was_believed_and_both_estimates(calibrated):
     np.testing.assert_allclose(exact, [1.0 / 1.02, 0.38 / 0.26], rtol=0.002)
 
 
+def test_the_command_that_uses_the_file_can_be_pasted(calibrated):
+    _, said, file = calibrated
+    (line,) = (line for line in said.splitlines() if line.startswith('written to'))
+    command = line.removeprefix(f'written to {file}: ')
+    assert shlex.split(command) == ['wasd', 'mbot', '--controller', str(file)]
+
+
 def test_the_corrected_robot_returns_to_where_it_began(calibrated):
     _, said, file = calibrated
     (line,) = (line for line in said.splitlines() if line.startswith('largest return error'))
@@ -58,6 +69,29 @@ def test_the_corrected_robot_returns_to_where_it_began(calibrated):
     assert believed > 100.0
     assert corrected < 2.0
     assert f'{corrected:.2f} mm after' in file.read_text()
+
+
+@for_all(
+    ('limits', 'wheel_speed'),
+    [
+        ({'forward': 0.12, 'yaw': 0.3}, 25.0),
+        ({'forward': 0.5, 'yaw': 1.5}, 1.0),
+        ({'forward': 0.5, 'yaw': 1.5}, math.inf),
+    ],
+)
+def test_no_leg_is_faster_than_the_controller_and_the_wheels_allow(limits, wheel_speed):
+    wheels = DiffDriveGeometry('l', 'r', 0.06, 0.38, speed_limit=wheel_speed)
+    robot = SimpleNamespace(
+        geometry=wheels, drive_limits=limits, period=0.005, state='stopped', command=None
+    )
+    schedule = SimpleNamespace(at_rate=lambda *one: None, every=lambda *one: None)
+    run = SimpleNamespace(world=None, robot=robot, simulation=SimpleNamespace(schedule=schedule))
+    legs = np.array(list(calibrate._Square(run, SquareTest(), 0, None)._velocities))
+    assert legs[:, 0].max() < limits['forward']
+    assert legs[:, 2].max() < limits['yaw']
+    assert max(max(wheels.wheel_speeds(v, w)) for v, _, w in legs) < wheel_speed
+    ahead, _, turn = calibrate.TICK * legs.sum(axis=0)
+    assert (ahead, turn) == pytest.approx((4.0, 2.0 * math.pi))
 
 
 def test_the_file_keeps_what_the_controller_was_started_with(tmp_path):

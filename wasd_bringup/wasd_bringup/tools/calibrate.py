@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 import math
 from pathlib import Path
+import shlex
 import sys
 import tempfile
 from typing import Any, NamedTuple
@@ -30,9 +31,11 @@ from wasd_bringup.run.run import Run
 
 # Commands last whole periods of the stream they are sent in [s].
 TICK = 1.0 / TWIST_RATE
-# Each run has its own speeds [m/s], [rad/s], so that it slips in its own way.
+# Each run has its own speeds [m/s], [rad/s], so that it slips in its own way ...
 SPEEDS = (0.15, 0.30)
 TURN_RATES = (0.5, 1.0)
+# ... and no more than this share of what the controller allows: legs end by time.
+SHARE = 0.9
 # Before the next leg the robot has stood still for so long [s]; it is given up after the second.
 REST, PATIENCE = 0.3, 60.0
 
@@ -123,7 +126,12 @@ class _Square:
         self._turn = 1 if number % 2 == 0 else -1
         self._rows: list[tuple[float, ...]] = []
         random = np.random.default_rng([test.seed, number // 2])
-        speed, rate = random.uniform(*SPEEDS), random.uniform(*TURN_RATES)
+        limits, wheels = robot.drive_limits, self.geometry
+        rim = wheels.speed_limit * min(wheels.left_radius, wheels.right_radius)
+        most = min(limits['forward'], rim)
+        quickest = min(limits['yaw'], 2.0 * rim / wheels.wheel_separation)
+        speed = min(random.uniform(*SPEEDS), SHARE * most)
+        rate = min(random.uniform(*TURN_RATES), SHARE * quickest)
         self._velocities = self._plan(test.side, speed, rate)
         schedule = run.simulation.schedule
         schedule.at_rate('update_rate', 1.0 / robot.period, self._record)
@@ -219,7 +227,7 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     print(f'\n{text}', end='')
     if output is not None:
         output.write(text.encode())
-        print(f'\nwritten to {output}: wasd mbot --controller {output}')
+        print(f'\nwritten to {output}: wasd mbot --controller {shlex.quote(str(output))}')
     return 0 if second.largest_error <= max(first.largest_error, GOOD) else 1
 
 
