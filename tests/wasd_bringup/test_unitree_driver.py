@@ -268,6 +268,21 @@ def test_programs_switch_the_guard_that_stops_before_a_wall():
     assert any(walk() for _ in range(30))
 
 
+def test_a_guard_that_stays_on_is_said_to_be_on_and_is_not_switched_off():
+    run = Commanded(guards=True, guard=True)
+    for service, api_id, parameter, code in (
+        ('obstacles_avoid', 1002, {}, 0),
+        ('obstacles_avoid', 1001, {'enable': False}, 3203),
+        ('sport', 2058, {}, 3203),
+        ('obstacles_avoid', 1001, {'enable': True}, 0),
+        ('obstacles_avoid', 1002, {}, 0),
+    ):
+        assert run.call(api_id, service, **parameter) == code
+    answers = run.wire.told['rt/api/obstacles_avoid/response']
+    said = [decode(RESPONSE, answers[number])['data'] for number in (0, -1)]
+    assert [json.loads(each) for each in said] == [{'enable': True}] * 2
+
+
 def test_without_a_lidar_there_is_no_guard_and_it_walks(tmp_path):
     whole = robot_named('go2').urdf
     file = tmp_path / 'blind.urdf'

@@ -34,7 +34,7 @@ class Commands:
     """
     How commands reach a robot; each returns whether it counts.
 
-    `guard` switches what stops it before obstacles, and returns False where there is no such.
+    `guard` switches what stops it before obstacles, and returns whether that is on then.
     """
 
     press: Callable[[str], bool]

@@ -189,7 +189,7 @@ class ObstaclesAvoid(Service):
     ) -> None:
         self._robot = robot
         self.move = move
-        self.is_on = False
+        self.is_on = robot.guard(False)  # one asked for by --guard is on, and stays so
         self._from_api = False
         self._handlers = {
             1001: lambda said: self.switch(flag(said, 'enable')),
@@ -203,11 +203,11 @@ class ObstaclesAvoid(Service):
         Switch the guard.
 
         Raises:
-            Refused: the robot has none.
+            Refused: the robot has none, or one that stays on.
         """
-        if not self._robot.guard(is_on) and is_on:
+        self.is_on = self._robot.guard(is_on)
+        if self.is_on != is_on:
             raise Refused(NOT_IMPLEMENTED)
-        self.is_on = is_on
 
     def _move(self, said: Parameters) -> None:
         velocity = number(said, 'x'), number(said, 'y'), number(said, 'yaw')

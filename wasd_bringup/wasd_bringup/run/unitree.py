@@ -117,11 +117,12 @@ class UnitreeDriver:
         self._legs.close()
 
     def _switch_guard(self, is_on: bool) -> bool:
-        if self._guard is not None and not self.robot.options.guard:
-            self._guard.unit.tune(guard_parameters_of(self.robot, enabled=is_on))
-            if is_on:
-                self._tell_deed()
-        return self._guard is not None
+        if self._guard is None or self.robot.options.guard:
+            return self._guard is not None
+        self._guard.unit.tune(guard_parameters_of(self.robot, enabled=is_on))
+        if is_on:
+            self._tell_deed()
+        return is_on
 
     def _tell_deed(self) -> None:
         tell, self.on_deed = self.on_deed, lambda: None
