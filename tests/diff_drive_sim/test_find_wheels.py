@@ -211,6 +211,18 @@ def test_wheels_that_are_only_drawn_are_wheels():
     assert find_wheels(robot(*drawn)).wheel_separation == 2.0
 
 
+@for_all('tag', ['collision', 'visual'])
+def test_a_wheel_is_as_large_as_its_tyre_wherever_the_file_has_its_hub(tag):
+    left, right, small = wheel('l', 0.2), wheel('r', -0.2), wheel('l', 0.2, radius=0.02)
+    hub = small[small.index('<collision>') : small.index('</link>')]
+    rim = left[: left.index('<joint')].replace('"l"', '"rim"')
+    weld = '<joint name="weld"><parent link="l"/><child link="rim"/></joint>'
+    hub_first, hub_last = (left.replace(at, hub + at) for at in ('<collision>', '</link>'))
+    for each in (hub_first, hub_last, small + rim + weld):
+        text = (each + right).replace('collision', tag)
+        assert find_wheels(robot(text)).wheel_radius == 0.06
+
+
 def test_wheels_may_be_balls():
     ball = [
         wheel(name, y).replace('cylinder radius="0.06" length="0.02"', 'sphere radius="0.05"')

@@ -79,6 +79,8 @@ def test_a_tyre_that_is_welded_to_the_wheel_grips_as_the_wheel_does(said):
     assert after.friction == {
         f'{name}{n}': said.get(name, usual) for name in ('hub', 'rim') for n in '12'
     }
+    # What rolls is round and touches in one point; the rim would touch beside it.
+    assert [len(after.links[name].collisions) for name in ('hub1', 'rim1')] == [1, 0]
 
 
 @pytest.mark.slow

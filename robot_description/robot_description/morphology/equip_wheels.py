@@ -153,6 +153,8 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
         said = [friction[name] for name in parts if name in friction]
         friction = dict.fromkeys(parts, said[0] if said else TYRE_FRICTION) | friction
         if not wheel.tyre.is_exact:
+            # The tyre alone rolls, and not what is welded on, which would touch in two points.
+            links |= {name: replace(links[name], shapes=links[name].visuals) for name in parts}
             links[joint.child] = _with_tyre(links[joint.child], joint.axis, wheel.tyre)
     idle = {link.name for joint in drive.idle for link, _ in carried(robot, joint.child)}
     friction = {name: mu for name, mu in friction.items() if name not in idle}

@@ -44,18 +44,26 @@ def turns_freely(joint: Joint) -> bool:
 
 
 def find_tyre(robot: Robot, joint: Joint, radius: float) -> Tyre | str:
-    """Return what of a joint's links is round about its axis, or why nothing is."""
+    """
+    Return what of a joint's links is round about its axis, or why nothing is.
+
+    The largest of what collides, as a hub may have its own shape; else of what is drawn.
+    """
     why = 'has no shape'
-    for link, pose in carried(robot, joint.child):
-        for shape in (*link.collisions, *link.visuals):
-            tyre = _measure(robot, joint.axis, shape, pose @ shape.pose)
-            if isinstance(tyre, Tyre) and tyre.radius <= 0.0:
-                why = f'has a {shape.kind} without a radius'
-            elif isinstance(tyre, Tyre):
-                own = link.name == joint.child and shape.collides
-                return tyre._replace(is_exact=tyre.is_exact and own)
-            else:
-                why = tyre
+    for collides in (True, False):
+        tyres = []
+        for link, pose in carried(robot, joint.child):
+            for shape in link.collisions if collides else link.visuals:
+                tyre = _measure(robot, joint.axis, shape, pose @ shape.pose)
+                if isinstance(tyre, str):
+                    why = tyre
+                elif tyre.radius <= 0.0:
+                    why = f'has a {shape.kind} without a radius'
+                else:
+                    own = link.name == joint.child and collides
+                    tyres.append(tyre._replace(is_exact=tyre.is_exact and own))
+        if tyres:
+            return max(tyres, key=lambda tyre: (tyre.radius, tyre.is_exact))
     return Tyre(np.zeros(3), radius, USUAL_WIDTH, is_exact=False) if radius else why
 
 
