@@ -196,8 +196,11 @@ def test_what_is_recorded_of_a_run_are_its_options(read):
         (('--duration', '-1'), "--duration: got '-1'"),
         (('--speed', 'fast'), "--speed: got 'fast', wanted a number >= 0"),
         (('--friction', '0'), '--friction must be >= 0.01 and <= 2, got 0.0'),
-        (('--friction', 'ice'), "--friction: got 'ice', wanted a number >= 0"),
-        (('--imu-drift', 'much'), "--imu-drift: got 'much', wanted a number >= 0"),
+        (('--friction', '-0.1'), '--friction must be >= 0.01 and <= 2, got -0.1'),
+        (('--friction', 'nan'), '--friction: got nan, wanted a finite number'),
+        (('--friction', 'ice'), "--friction: got 'ice', wanted a number"),
+        (('--imu-drift', '101'), '--imu-drift must be >= 0 and <= 100, got 101.0'),
+        (('--imu-drift', 'much'), "--imu-drift: got 'much', wanted a number"),
         (('--randomise', '1.5'), '--randomise must be >= 0 and <= 1, got 1.5'),
         (('--payload', 'heavy'), "--payload: got 'heavy', wanted KG or KG@X,Y,Z with KG > 0"),
         (

@@ -125,6 +125,19 @@ def read_number(text: str, word: str, most: float = 0.0) -> float:
     return value
 
 
+def read_untold(text: str, word: str) -> float:
+    """
+    Return a number; `Untold` knows its bounds.
+
+    Raises:
+        UserError: it is not a number.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise UserError(f'{word}: got {text!r}, wanted a number') from None
+
+
 def read_whole(most: int, value: int, word: str) -> int:
     """
     Return a whole number.
@@ -429,7 +442,7 @@ OPTIONS = (
         word='--friction',
         help='friction of feet or wheels, unknown to the controller (default: the robot file)',
         field='untold.friction',
-        read=read_number,
+        read=read_untold,
         how={'metavar': 'MU'},
     ),
     Option(
@@ -477,7 +490,7 @@ OPTIONS = (
         help='drift of the IMU, in multiples of a good MEMS; 0: none (default 1)',
         of=LEGS,
         field='untold.imu_drift',
-        read=read_number,
+        read=read_untold,
         how={'metavar': 'TIMES'},
     ),
     Option(
@@ -486,7 +499,7 @@ OPTIONS = (
         'unknown to the controller (default 0)',
         of=LEGS,
         field='untold.randomise',
-        read=read_number,
+        read=read_untold,
         how={'metavar': 'LEVEL'},
     ),
     Option(
@@ -625,7 +638,8 @@ def _untold(make: Callable[[], Any]) -> Any:
     try:
         return make()
     except UserError as error:
-        raise UserError(f'--{error}') from None
+        name, rest = str(error).split(' ', 1)
+        raise UserError(f'--{name.replace("_", "-")} {rest}') from None
 
 
 def _check_navigation(options: RunOptions) -> None:
