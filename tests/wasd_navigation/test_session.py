@@ -6,6 +6,7 @@ import math
 
 from cases import for_all
 from lidar_room import circle, look
+from navigation_stand_ins import odometry, scan, StandInLocator, StandInPilot
 import numpy as np
 import pytest
 from wasd_core.errors import UserError
@@ -15,6 +16,7 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.session import Session
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts
+from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.se2 import compose, inverse
 
 SURE = 1e-6 * np.eye(3)
@@ -179,6 +181,24 @@ def test_a_cut_file_is_refused(saved, tmp_path) -> None:
     (tmp_path / 'other.places.npz').write_bytes(packed.getvalue()[:-500])
     with pytest.raises(UserError, match='no places of a map'):
         load_session(tmp_path / 'other')
+
+
+def test_places_stay_beside_their_own_map_alone(tmp_path) -> None:
+    room, places = str(tmp_path / 'room.yaml'), tmp_path / 'room.places.npz'
+    places.touch()
+
+    def save(**values) -> str:
+        """Save as `room` what a robot localises in."""
+        settings = NavigatorParameters().changed(values)
+        unit = RobotNavigator(settings, (StandInLocator(), StandInPilot()))
+        unit.navigator.move(odometry())
+        unit.navigator.see(scan(), odometry())
+        return unit.save_map(room)
+
+    assert save(map=room) == f'map in {room} and room.pgm'
+    assert places.exists()
+    assert save(map='elsewhere.yaml').endswith('room.pgm, without places: it cannot be continued')
+    assert not places.exists()
 
 
 def test_a_map_without_places_says_what_is_missing(tmp_path) -> None:

@@ -10,7 +10,8 @@ from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
 
 from wasd_navigation.exploring import Explorer
-from wasd_navigation.mapping import save_map, save_session
+from wasd_navigation.mapping import save_map, save_session, session_output
+from wasd_navigation.mapping.map_file import without_ending
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.navigator import Navigator, Outcome, REPLACED
 from wasd_navigation.odometry import Odometry
@@ -305,7 +306,8 @@ class RobotNavigator:
         """
         Write the map to NAME.yaml and NAME.pgm; return words that say so.
 
-        Of a map of its own the places, with which another day goes on, to NAME.places.npz.
+        Of a map of its own the places, with which another day goes on, to NAME.places.npz; those
+        of another map that was there are removed.
 
         Raises:
             UserError: there is none yet, or it cannot be written.
@@ -315,7 +317,10 @@ class RobotNavigator:
         locator = self.navigator.locator
         text, picture = save_map(locator.grid, Path(name))
         if not isinstance(locator, Mapper):
-            return f'map in {text} and {picture.name}'
+            if without_ending(text).resolve() == without_ending(Path(self.settings.map)).resolve():
+                return f'map in {text} and {picture.name}'
+            session_output(text).path.unlink(missing_ok=True)
+            return f'map in {text} and {picture.name}, without places: it cannot be continued'
         places = save_session(locator.session, Path(name))
         return f'map in {text}, {picture.name} and {places.name}'
 

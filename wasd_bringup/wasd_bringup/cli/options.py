@@ -397,7 +397,7 @@ OPTIONS = (
     ),
     Option(
         word='--save-map',
-        help='write the map at the end: NAME.yaml, NAME.pgm and NAME.places.npz',
+        help='write the map at the end: NAME.yaml, NAME.pgm; of its own NAME.places.npz, too',
         read=read_map_name,
         how={'metavar': 'NAME'},
     ),
