@@ -4,6 +4,7 @@ import os
 
 import pytest
 from robot_description.mujoco import choose_renderer
+from wasd_core.errors import UserError
 
 
 @pytest.fixture(autouse=True)
@@ -36,3 +37,9 @@ def test_what_the_user_has_set_stays(machine, monkeypatch, wish, renders):
     monkeypatch.setenv('MUJOCO_GL', wish)
     assert choose_renderer() == renders
     assert os.environ['MUJOCO_GL'] == wish
+
+
+def test_a_word_that_mujoco_does_not_know_is_told_with_those_that_it_does(monkeypatch):
+    monkeypatch.setenv('MUJOCO_GL', 'foo')
+    with pytest.raises(UserError, match=r"MUJOCO_GL: got 'foo', wanted egl, osmesa, glfw or off"):
+        choose_renderer()

@@ -4,6 +4,7 @@
 import os
 import queue
 from typing import Any, TYPE_CHECKING
+import warnings
 
 from wasd_core.errors import SimulationError
 
@@ -16,6 +17,17 @@ from mujoco_sim.world import World
 _PERIOD = 1.0 / 60.0
 # GLFW's codes of keys that are no characters.
 _NAMED_KEYS = {256: 'ESC', 262: 'RIGHT', 263: 'LEFT', 264: 'DOWN', 265: 'UP'}
+
+
+def _has_display() -> bool:
+    """Whether there is a display that answers; the one named may be left over from a login."""
+    if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
+        return False
+    # Here, because it loads a window system.
+    from mujoco.viewer import glfw
+
+    with warnings.catch_warnings(action='ignore'):
+        return bool(glfw.init())
 
 
 class NativeView:
@@ -33,9 +45,8 @@ class NativeView:
         Raises:
             SimulationError: there is no display.
         """
-        if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
+        if not _has_display():
             raise SimulationError('--viewer native: no display here (use --viewer web)')
-        # Here, because it loads a window system.
         import mujoco.viewer
 
         self._keys: queue.SimpleQueue[str] = queue.SimpleQueue()

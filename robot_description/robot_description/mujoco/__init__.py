@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot as a MuJoCo model: tree, masses, shapes, contacts; and what renders it."""
 
-from robot_description.mujoco.renderer import choose_renderer, find_renderer, NO_RENDERER
+from robot_description.mujoco.renderer import (
+    check_renderer,
+    choose_renderer,
+    find_renderer,
+    NO_RENDERER,
+)
 
-__all__ = ['NO_RENDERER', 'choose_renderer', 'find_renderer']
+__all__ = ['NO_RENDERER', 'check_renderer', 'choose_renderer', 'find_renderer']

@@ -6,12 +6,15 @@ import importlib.util
 import os
 from pathlib import Path
 
+from wasd_core.errors import UserError
+
 NO_RENDERER = 'no EGL or OSMesa library (Debian, Ubuntu: apt install libegl1 libosmesa6)'
 # MUJOCO_GL's word for each library, the faster one first.
 _LIBRARIES = {'EGL': 'egl', 'OSMesa': 'osmesa'}
 # X11 or Wayland, where the user says which.
 _GLFW_VARIANT = 'PYGLFW_LIBRARY_VARIANT'
 _OFF = ('disable', 'disabled', 'off', 'false', '0')
+_WINDOW = ('enable', 'enabled', 'on', 'true', '1', 'glfw', 'glx', 'cgl', 'wgl', '')
 
 
 def _use_own_window_library() -> None:
@@ -46,13 +49,29 @@ def find_renderer() -> str | None:
     return next((n for lib, n in _LIBRARIES.items() if ctypes.util.find_library(lib)), None)
 
 
+def check_renderer() -> None:
+    """
+    Refuse a MUJOCO_GL that mujoco does not know: nothing could import it.
+
+    Raises:
+        UserError: what it is, and what is wanted.
+    """
+    wanted = os.environ.get('MUJOCO_GL', '').lower().strip()
+    if wanted not in (*_OFF, *_WINDOW, *_LIBRARIES.values()):
+        raise UserError(f'MUJOCO_GL: got {wanted!r}, wanted egl, osmesa, glfw or off')
+
+
 def choose_renderer() -> bool:
     """
     Set MUJOCO_GL to what this machine has, unless the user has set it; return whether it has any.
 
     mujoco.Renderer needs it; mujoco reads the variable once, when it is imported for the first
     time.
+
+    Raises:
+        UserError: it does not know what the user has set.
     """
+    check_renderer()
     if 'MUJOCO_GL' in os.environ:
         return os.environ['MUJOCO_GL'].lower() not in _OFF
     name = find_renderer()

@@ -227,10 +227,11 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         raise UserError('demo go2 takes no other words: --only and --output are of the tour alone')
     check_middleware(os.environ)
     look_before_ros()
-    if arguments.command == 'demo':
-        from robot_description.mujoco import choose_renderer
+    from robot_description.mujoco import check_renderer, choose_renderer
 
-        choose_renderer()  # before mujoco is imported
+    check_renderer()  # before mujoco is imported, as below
+    if arguments.command == 'demo':
+        choose_renderer()
         from wasd_bringup.cli.demo import demo_command
 
         return demo_command(arguments.output, arguments.only)
