@@ -13,6 +13,7 @@ import pytest
 from run_scenarios import Page, paused
 from scribbling import scribble_everywhere
 from wasd_cockpit.link import Columns, STICK_PROOF
+from wasd_cockpit.panels.drive import LEAST_SHARE
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -171,6 +172,23 @@ def type_speed(page: Page, text: str) -> None:
     page.tap('Enter')
     wanted = float(text)
     page.wait_until(lambda: page.session.simulation.pacer.speed == wanted, text)
+
+
+def scenario_whatever_is_typed_the_stick_s_share_of_full_speed_is_on_its_slider(
+    page: Page,
+) -> None:
+    control = {code('LeftCtrl'), code('ReservedForModCtrl')}
+    drive = page.cockpit._drive
+    for text, share in (('5', 1.0), ('-1', LEAST_SHARE), ('1e39', 1.0), ('0.25', 0.25)):
+        page.puppet.keys = control
+        page.click('share')
+        page.puppet.keys = control | {code('A')}
+        page.puppet.draw(4)
+        page.puppet.keys = set()
+        page.puppet.type(text)
+        page.tap('Enter')
+        page.wait_until(lambda share=share: drive.share == pytest.approx(share), text)
+    drive.share = 0.5
 
 
 def scenario_time_goes_as_fast_as_the_field_says(page: Page) -> None:

@@ -61,7 +61,8 @@ class Drive:
             page.widgets.words(text if any(use.full) else use.words, style.DIM, wrapped=True)
         imgui.SetNextItemWidth(columns(1))
         label = 'full stick: %.2f of full speed'
-        _, self.share = imgui.SliderFloat('##share', self.share, LEAST_SHARE, 1.0, label)
+        _, share = imgui.SliderFloat('##share', self.share, LEAST_SHARE, 1.0, label)
+        self.share = min(max(LEAST_SHARE, share), 1.0)  # what is typed may be any number, or none
         page.widgets.note_field('share')
         if use.sideways:
             width = columns(2)
