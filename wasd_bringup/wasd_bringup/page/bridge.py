@@ -203,7 +203,7 @@ class CockpitBridge:
             run.press(RESET_KEY, 'page')
         elif order.what == 'robot':
             run.switch_to([robot.name for robot in run.robots].index(order.name))
-        elif order.what == 'speed' and math.isfinite(order.value):
+        elif order.what == 'speed' and 0.0 <= order.value < math.inf:
             speed = min(max(round(order.value, 2), SLOWEST), FASTEST)  # ImGui's number has 24 bits
             simulation.pacer.speed = speed if order.value > 0.0 else 0.0
             simulation.pacer.restart()
