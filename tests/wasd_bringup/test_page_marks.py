@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page draws beside a walking Go2: where it presses, where it will land, how it goes."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from quadruped_sim.leg_kinematics import LEGS
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import RunOptions
-from wasd_cockpit.scene import draw_marks, Pool
+from wasd_cockpit.scene import draw_marks, OVERLAYS, Pool
 
 from wasd_cockpit import style
 
@@ -106,3 +108,12 @@ def test_each_mark_is_drawn_in_its_colour(walk):
         assert count(SPHERE, style.FOOTHOLD) == len(marks.footholds)
         assert count(BOX, style.ESTIMATE) == 1
         assert len(drawn) == 3 + pressing + len(marks.footholds)
+
+
+def test_the_trail_is_green_as_all_that_is_true(walk):
+    pool = Pool()
+    trail = np.array([(0.0, 0.0), (0.5, 0.0)])
+    draw_marks(pool, {'trail'}, replace(walk.snapshots[-1], trail=trail), None)
+    colours = {tuple(geom.rgba) for geom in pool.geoms()}
+    assert colours == {tuple(np.float32(style.rgba(style.TRUTH)))}
+    assert OVERLAYS['trail'] == style.TRUTH

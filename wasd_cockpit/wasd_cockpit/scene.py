@@ -25,7 +25,7 @@ OVERLAYS = {
     'forces': style.TRUTH,
     'footholds': style.FOOTHOLD,
     'estimate': style.ESTIMATE,
-    'trail': style.ODOMETRY,
+    'trail': style.TRUTH,
     'lidar': style.LIDAR,
 }
 # A hand: force [N/kg] per metre that it is ahead, and at most [N/kg], a little more than gravity.
@@ -334,7 +334,7 @@ def draw_marks(pool: Pool, shown: set[str], snapshot: Snapshot, page: PageState)
     if 'estimate' in shown and marks.estimate is not None:
         rotation = marks.rotation if marks.estimated_rotation is None else marks.estimated_rotation
         pool.box(marks.estimate, rotation, marks.size * np.array([0.5, 0.2, 0.12]), style.ESTIMATE)
-    lines = [(snapshot.trail, style.ODOMETRY)] if 'trail' in shown else []
+    lines = [(snapshot.trail, style.TRUTH)] if 'trail' in shown else []
     lines += [(marks.path, style.COMMAND)] if marks.path is not None else []
     for places, rgb in lines:
         for start, end in _pieces(places):
