@@ -450,6 +450,26 @@ def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):
 
 
 @pytest.mark.slow
+def test_a_cure_is_shown_until_it_is_applied(session_of):
+    session = session_of(latched=True)
+    session.simulation.advance(500)
+    navigates = navigation(session)
+
+    def shown():
+        view = navigates.view()
+        return view.state, view.reason
+
+    session.e_stop('page')
+    navigates.go(GOAL)
+    assert shown() == ended(session) == ('refused', 'ENTER releases E-STOP (by the page)')
+    session.end_e_stop()
+    assert shown() == ('idle', '')
+    navigates.go(GOAL)
+    navigates.disarm()
+    assert shown() == ended(session) == ('cancelled', 'stopped by hand')
+
+
+@pytest.mark.slow
 def test_a_goal_of_the_command_line_says_what_it_waits_for(session_of):
     dog = session_of('go2', preset='unitree', goals=(GOAL,))
     line = 'maps: the goal waits: press 2 to stand, then 5 to move; any key takes over'

@@ -57,6 +57,7 @@ class NavigationDriver:
         self._is_of_page = False  # the goal that is driven to
         self._page_explorer: Explorer | None = None  # that the page has asked for
         self._ended: list[dict[str, Any]] = []
+        self._cure = ''  # what the robot refused the last goal with
         # Revisions of map and ground, time, number and map.
         self._pictured: tuple[tuple[int, int], float, int, Grid] | None = None
         self.on_step: list[Callable[[float, float], None]] = []
@@ -188,7 +189,9 @@ class NavigationDriver:
             grid = grid if keepout is None else keepout.shown_on(grid)
             self._pictured = revision, now, next(_NUMBERS), grid
         _, _, number, grid = self._pictured
-        goal = navigator.goal
+        goal, state, reason = navigator.goal, navigator.state, navigator.reason
+        if reason and reason == self._cure != self.robot.refusal:  # it was applied
+            state, reason = 'idle', ''
         return Navigation(
             number=number,
             cells=grid.cells,
@@ -197,8 +200,8 @@ class NavigationDriver:
             pose=PlanarPose(*pose.tolist()),
             path=navigator.pilot.path[:, :2],
             goal=None if goal is None else PlanarPose(*goal.tolist()),
-            state=navigator.state,
-            reason=navigator.reason or navigator.notice,
+            state=state,
+            reason=reason or navigator.notice,
             no_exploring=self.no_exploring,
         )
 
@@ -266,6 +269,7 @@ class NavigationDriver:
 
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
+        self._cure = outcome.reason if outcome.reason == self.robot.refusal else ''
         self.robot.mute(False)
         self._record(self.navigator.last_goal.tolist(), outcome, self.navigator.elapsed)
 
