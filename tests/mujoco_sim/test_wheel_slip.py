@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.urdf import parse_urdf
+import wasd
 from wasd_core.robot_io import JointCommand
 
 RADIUS, HALF_TRACK = 0.06, 0.19
@@ -139,3 +140,15 @@ def test_wheels_that_push_against_a_wall_spin_in_place(loaded):
     # The drum bounces off the wall a little, so each by itself is around 1.
     np.testing.assert_allclose(np.mean(ratios, axis=0), 1.0, atol=0.05)
     assert np.min(ratios) > 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('degrees', 'speed', 'passes'), [(2.0, 0.3, False), (3.0, 0.5, True), (5.0, 0.5, False)]
+)
+def test_an_upward_kink_holds_mbot_up_unless_it_is_fast(degrees, speed, passes):
+    mbot = wasd.Mbot(world=f'slope:{degrees}')
+    mbot.drive(speed, 0.0)
+    mbot.run(2.0 / speed)
+    # Beyond the kink the wheels go on to roll it ahead, or spin in the air.
+    assert (mbot.truth.position[0] > 0.8 * mbot.odometry.x) == passes
