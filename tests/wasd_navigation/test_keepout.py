@@ -2,12 +2,15 @@
 """Keepout areas are planned with as obstacles, but a robot that stands inside finds out."""
 
 from cases import for_all
+from navigation_stand_ins import odometry, scan, StandInLocator, StandInPilot
 import numpy as np
 import pytest
 from wasd_navigation.keepout import KEEPOUT, Keepout
-from wasd_navigation.parameters import Footprint
+from wasd_navigation.parameters import DriveLimits, Footprint
 from wasd_navigation.planning.distances import measure_distances
-from wasd_navigation.records import FREE, Grid, OCCUPIED, UNKNOWN
+from wasd_navigation.planning.driver import Driver
+from wasd_navigation.records import FREE, Grid, OCCUPIED, OPENED, UNKNOWN
+from wasd_navigation.robot_navigator import RobotNavigator
 
 ROUND = Footprint(radius=0.2)
 
@@ -89,9 +92,45 @@ def test_the_way_out_does_not_lead_through_a_wall():
     assert (free.cells[:, wall : wall + 2] == OCCUPIED).all()
     # The nearest place with room on its side is beyond y = 1.5 or x = 0.5, not at the wall.
     row, column = free.to_cells(np.array([[0.6, 0.0]]))[0]
-    opened = free.cells[row, column] == FREE
+    opened = free.cells[row, column] == OPENED
     up = free.to_cells(np.array([[1.5, 1.4]]))[0]
-    assert opened or free.cells[tuple(up)] == FREE
+    assert opened or free.cells[tuple(up)] == OPENED
+
+
+@for_all('footprint', [ROUND, Footprint(half_length=0.34, half_width=0.164)])
+def test_a_robot_inside_aims_at_places_where_no_part_of_it_is_inside(footprint):
+    keepout, pose = Keepout(mask((-0.75, -0.5), (0.75, 0.5)), footprint), np.zeros(3)
+    driver = Driver(DriveLimits(), footprint)
+    driver.set_goal(np.array([0.3, -0.65, 0.0]))
+    driver.step(keepout.applied(grid(), pose), 1, pose, pose, None, 0.05)
+    assert driver.state == 'driving'
+    assert not keepout.overlaps(driver.goal)
+    assert np.hypot(*(driver.goal[:2] - (0.3, -0.65))) < 0.15
+
+
+def test_where_no_place_outside_is_known_all_is_open():
+    known = grid()
+    applied = Keepout(mask((-9.0, -9.0), (9.0, 9.0)), ROUND).applied(known, np.zeros(3))
+    assert (applied.cells == FREE).all()
+
+
+def test_exploring_ends_where_the_robot_has_left_the_area_around_its_start():
+    locator = StandInLocator()
+    locator.grows, locator.correction = True, np.zeros(3)
+    unit = RobotNavigator(parts=(locator, StandInPilot()))
+    unit.navigator.keepout = Keepout(mask((-0.5, -0.5), (0.5, 0.5)), ROUND)
+    frontiers = iter([np.array([1.5, 0.0, 0.0])] * 6)
+    for tick in range(40):
+        here = odometry(x=0.05 * tick)
+        unit.navigator.move(here)
+        unit.navigator.see(scan(), here)
+        if tick == 0:
+            unit.explore()
+            unit.explorer.choose = lambda grid, pose, home: next(frontiers, None)
+            unit.explorer.is_seen = lambda grid, pose: False
+        unit.step(0.05 * tick)
+    assert not unit.is_exploring
+    assert unit.navigator.last_goal == pytest.approx((0.75, 0.0, 0.0))
 
 
 def test_a_robot_that_passes_by_an_area_does_not_overlap_it():

@@ -8,7 +8,7 @@ import numpy as np
 from wasd_navigation.parameters import Footprint
 from wasd_navigation.planning.distances import measure_distances
 from wasd_navigation.planning.goal_field import ways_from
-from wasd_navigation.records import Grid, OCCUPIED
+from wasd_navigation.records import FREE, Grid, OCCUPIED, OPENED
 
 # What cells of a picture show where keepout areas are.
 KEEPOUT = OCCUPIED + 1
@@ -21,7 +21,7 @@ class Keepout:
     The occupied cells of a mask, which lies in the map's axes.
 
     They are planned with as obstacles, except those between a robot that stands inside and the
-    nearest place outside.
+    nearest place outside, which are OPENED.
     """
 
     def __init__(self, mask: Grid, footprint: Footprint) -> None:
@@ -83,20 +83,28 @@ class Keepout:
         is_kept = self.on(grid)
         if not is_kept.any():
             return grid
-        if pose is not None and self.overlaps(pose) and grid.has(pose[:2]):
-            is_kept = is_kept & ~self._way_out(grid, is_kept, pose)
         cells = grid.cells.copy()
         cells[is_kept] = OCCUPIED
+        if pose is not None and self.overlaps(pose) and grid.has(pose[:2]):
+            way_out = self._way_out(grid, is_kept, pose)
+            if way_out is None:
+                return grid
+            is_open = is_kept & way_out
+            cells[is_open] = np.where(grid.cells > FREE, grid.cells, OPENED)[is_open]
         return Grid(cells, grid.resolution, grid.origin)
 
-    def _way_out(self, grid: Grid, is_kept: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """Return which cells are about as near as the nearest where a robot is outside, bool."""
+    def _way_out(self, grid: Grid, is_kept: np.ndarray, pose: np.ndarray) -> np.ndarray | None:
+        """
+        Return which cells are about as near as the nearest where a robot is outside, bool.
+
+        None: no such place is known yet.
+        """
         price = np.where(grid.cells == OCCUPIED, np.inf, 1.0).astype(np.float32)
         ways = ways_from(grid.to_cells(pose[None, :2])[0], price, grid.resolution)
         is_outside = measure_distances(is_kept, grid.resolution) >= self._reach
         is_outside &= np.isfinite(price)
         if not is_outside.any():
-            return np.ones(price.shape, np.bool_)
+            return None
         near = ways <= ways[is_outside].min()
         opened: np.ndarray = measure_distances(near, grid.resolution) < self._reach
         return opened

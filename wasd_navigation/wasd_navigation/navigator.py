@@ -327,7 +327,7 @@ class Navigator:
         """Return the map to plan on; to look at it does not change when it is drawn again."""
         if self._grid is None or self._looked >= LOOK_PERIOD:
             self._looked = 0.0
-            is_inside = self._is_kept_out
+            is_inside = self.is_kept_out
             ground = 0 if self.ground is None else self.ground.revision
             newest = self.locator.revision, ground
             is_old = self._drawn != newest
@@ -338,7 +338,7 @@ class Navigator:
         return self._grid
 
     @property
-    def _is_kept_out(self) -> bool:
+    def is_kept_out(self) -> bool:
         """Whether the robot is where it is not to be."""
         pose = self.pose
         return self.keepout is not None and pose is not None and self.keepout.overlaps(pose)

@@ -14,6 +14,8 @@ from wasd_core import map_picture
 from wasd_navigation.se2 import transform
 
 UNKNOWN, FREE, OCCUPIED = map_picture.UNKNOWN, map_picture.FREE, map_picture.OCCUPIED
+# Of a keepout area, where a robot that stands inside leaves it: free to drive, but not for goals.
+OPENED = UNKNOWN - 1
 FEWEST = map_picture.FEWEST
 # Cells are no farther away than this: what is must not overflow.
 _FARTHEST = 2.0**60

@@ -246,7 +246,8 @@ class RobotNavigator:
         if not navigator.grid.cells.size:  # a lidar that spins up sees nothing
             return
         if not self._has_begun:
-            self._home, self._has_begun = pose.copy(), True
+            # It returns to its start, or to where it has left the keepout area around that.
+            self._home, self._has_begun = pose.copy(), not navigator.is_kept_out
         self._explored += dt
         is_driving = navigator.goal is not None
         if is_driving and (self._is_homeward or self._explored < EXPLORE_PERIOD):

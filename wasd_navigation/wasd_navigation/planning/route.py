@@ -109,7 +109,7 @@ class Route:
             cell = around.grid.to_cells(goal[None, :2])
         state = np.append(goal, np.zeros(3))
         needed = HARD * self._parameters.margin
-        room = clearance(around.distances, self._footprint.circles, state, needed)
+        room = clearance(around.distances_of_goals, self._footprint.circles, state, needed)
         if room < needed:
             what = (
                 'is in an obstacle'
@@ -151,7 +151,8 @@ class Route:
         goal = self.asked
         if around.is_windowed and not around.grid.has(goal[:2]):
             around = around.at(goal)
-        field, grid, needed = around.distances, around.grid, HARD * self._parameters.margin
+        field, grid = around.distances_of_goals, around.grid
+        needed = HARD * self._parameters.margin
         count = int(tolerance / grid.resolution)
         steps = np.arange(-count, count + 1) * grid.resolution
         offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
@@ -179,9 +180,9 @@ class Route:
                     return goal
                 if not grid.has(pose[:2]):
                     return state[:3]  # far away: its way will show
-                is_reached = flood(
-                    grid.to_cells(pose[None, :2])[0], field.values[0], self._footprint.inscribed
-                )
+                room = around.distances.values[0]
+                here = grid.to_cells(pose[None, :2])[0]
+                is_reached = flood(here, room, self._footprint.inscribed)
             if is_reached[tuple(cell)]:
                 return state[:3]
         return None

@@ -9,7 +9,7 @@ from wasd_core.jit import jit
 from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning.distances import Field, measure_distances
 from wasd_navigation.planning.movers import Movers
-from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
+from wasd_navigation.records import FREE, Grid, OCCUPIED, OPENED, Scan, UNKNOWN
 from wasd_navigation.se2 import transform
 
 # Of a map that is larger than the last of these, so much around the robot is looked at [m];
@@ -289,6 +289,15 @@ class Surroundings:
             self._distances = self.field_of(values[None])
             self.revision += 1
         return self._distances
+
+    @property
+    def distances_of_goals(self) -> Field:
+        """How far it is to the nearest place where no goal may be, an obstacle or OPENED."""
+        is_open = self.grid.cells == OPENED
+        if not is_open.any():
+            return self.distances
+        walls = self._is_wall | is_open | (self.layer.marks > 0)
+        return self.field_of(measure_distances(walls, self.grid.resolution)[None])
 
     @property
     def distances_of_map(self) -> Field:
