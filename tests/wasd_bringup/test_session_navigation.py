@@ -662,8 +662,8 @@ def test_the_footprint_is_what_collides(session_of):
 
 def test_a_goal_that_was_no_place_is_told_at_the_end():
     goals = [
-        {'goal': [1.5, 2.0, None], 'state': 'failed', 'reason': 'no way'},
+        {'goal': [1.5, -6e-97, None], 'state': 'failed', 'reason': 'no way'},
         {'goal': [None, None, None], 'state': 'refused', 'reason': "wanted a pose in 'map'"},
     ]
     lines = list(_missed_goals({'navigation': {'goals': goals}}))
-    assert lines == ['goal 1.5 2 failed: no way', "goal refused: wanted a pose in 'map'"]
+    assert lines == ['goal 1.5 0 failed: no way', "goal refused: wanted a pose in 'map'"]

@@ -214,5 +214,7 @@ def _missed_goals(report: dict[str, Any]) -> Iterator[str]:
         for goal in robot.get('navigation', {}).get('goals', ()):
             if goal['state'] in ('refused', 'failed'):
                 x, y, _ = goal['goal']
-                where = '' if x is None else f' {x:z.2f} {y:z.2f}'  # it may be none at all
+                where = (
+                    '' if x is None else f' {round(x, 2):zg} {round(y, 2):zg}'
+                )  # it may be none at all
                 yield f'goal{where} {goal["state"]}: {goal["reason"]}'
