@@ -59,7 +59,7 @@ NO_JUMP = 'motors too weak or too slow to jump'
 # States that need no fresh readings, and keys that lead to them.
 _HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
 _HELD_KEYS = '127'
-# How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
+# How high the hips of a Go2 are that lies [m], and how fast its estimate sinks to that [m/s].
 _LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
 # A robot that is slower is at rest [m/s].
 _AT_REST = 0.1
@@ -330,10 +330,10 @@ class LegController:
         """
         if self.robot is None or self._machine.coming is not StateName.PASSIVE or self.obstacle:
             return False
-        up, hips = self.robot.base.R[2], self.model.geometry.hip
+        up = self.robot.base.R[2]
         heights = self.robot.motion.position @ up
         apart = np.abs(self.robot.joint_position - self.model.folded_pose)[1::3]
-        is_above = float(heights.max()) > float(hips[:, 2].mean() * up[2])
+        is_above = float(heights.max()) > float(self.model.hips @ up)
         return is_above or float(apart.max()) > _SPRAWLED or float(up[2]) < _LEANING
 
     def _meaning(self, key: str) -> str:
@@ -387,7 +387,7 @@ class LegController:
         self._last_sound[:] = self._robot_bytes
         self.robot = robot
         model, name = self.model, self._machine.state
-        share = (model.geometry.foot_radius + height) / model.standing_height
+        share = model.risen(model.geometry.foot_radius + height, robot.base.R)
         down = self._falls.step(share, self._states[name].may_be_low, dt)
         still_lies, tilts = name is StateName.PASSIVE, self.safety.is_fallen(robot.base.R)
         self.is_fallen = (self.is_fallen and still_lies) or down is not None or tilts
@@ -546,7 +546,8 @@ class LegController:
         `relative` (4, 3) are the foot centres from the base, world axes.
         """
         on_feet = self.model.geometry.foot_radius - float(relative[:, 2].min())
-        return max(on_feet, _LYING_HEIGHT * self.model.scale.of('m'))
+        lying = _LYING_HEIGHT * self.model.scale.of('m') - float(self.model.hips[2])
+        return max(on_feet, lying)
 
     def _start(self, relative: np.ndarray) -> None:
         """Start the filter at x = y = 0 on ground at height 0."""

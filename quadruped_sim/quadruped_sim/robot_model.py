@@ -93,9 +93,11 @@ class RobotModel:
         self.folded_pose = similar_pose(self.quadruped, *FOLDED)
         self.standing_pose = similar_pose(self.quadruped, *STANDING)
         self.walking_pose = similar_pose(self.quadruped, *WALKING)
-        # Of the base above the ground in the stand [m].
+        # The middle of the hips in the base (3,), and how high it is over the ground in the stand,
+        # wherever the base is [m].
+        self.hips = self.geometry.hip.mean(axis=0)
         feet = foot_positions(self.geometry, self.standing_pose)
-        self.standing_height = self.geometry.foot_radius - float(feet[:, 2].mean())
+        self._standing_height = self.geometry.foot_radius + float(self.hips[2] - feet[:, 2].mean())
         self._build(description)
         self.mass = float(pin.computeTotalMass(self._model))
         self.weight = self.mass * GRAVITY
@@ -176,6 +178,14 @@ class RobotModel:
         hips[:, 1] += self.geometry.offset
         farthest = float(np.linalg.norm(hips - hips.mean(axis=0), axis=1).max())
         return min(1.0, GO2_HIP_DISTANCE * self.scale.of('m') / farthest)
+
+    def risen(self, height: float, R: np.ndarray) -> float:
+        """
+        Return how high the hips are over the ground, as a share of the stand.
+
+        `height` [m] is that of the base, `R` (3, 3) turns its axes to the world's.
+        """
+        return (height + float(R[2] @ self.hips)) / self._standing_height
 
     def overloaded(self, legs: int) -> dict[str, float]:
         """

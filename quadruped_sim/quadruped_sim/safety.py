@@ -38,8 +38,8 @@ class FallWatch:
         """
         Return why it has fallen, or None, `dt` [s] after the step before.
 
-        `share` is how high the base is over the lowest foot, over that of the stand: no foot is
-        below the ground, so on even ground the base is no lower than that.
+        `share` is how high the hips are over the lowest foot, over that of the stand: no foot is
+        below the ground, so on even ground they are no lower than that.
         """
         if may_be_low:
             self.reset()

@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 import xml.etree.ElementTree as ElementTree
 
+from descriptions import robot_named
 import numpy as np
 import pytest
 from robot_description.packages import description_path, share_directory
 from robot_description.xacro.session import expand_document
+import wasd
 
 pytestmark = pytest.mark.slow
 
@@ -94,3 +96,34 @@ def test_it_knows_where_it_is_and_when_its_feet_touch(walked: dict[str, Any]) ->
     assert np.linalg.norm(drift) < 0.05 * path
     touching = np.array(samples['contacts'])[np.array(samples['t']) > 3.0].mean(axis=0)
     assert ((touching > 0.4) & (touching < 0.75)).all()
+
+
+def walked_from_root(folder: Path, z: float) -> tuple[str, np.ndarray]:
+    """Return state and place (2,) [m] after a walk of a Go2 with a root `z` [m] below its base."""
+    tree = ElementTree.fromstring(robot_named('go2').urdf)
+    tree.append(ElementTree.fromstring('<link name="below"/>'))
+    weld = '<joint name="weld" type="fixed"><parent link="below"/><child link="base"/></joint>'
+    joint = ElementTree.fromstring(weld)
+    ElementTree.SubElement(joint, 'origin', xyz=f'0 0 {z}')
+    tree.append(joint)
+    file = folder / 'go2.urdf'
+    file.write_text(ElementTree.tostring(tree, encoding='unicode'))
+    dog = wasd.Go2(description=str(file), seed=1)
+    dog.press('2')
+    dog.run(0.02)
+    dog.press('5')
+    dog.run(2.2)
+    dog.drive(0.5, 0.0, 0.3)
+    dog.run(1.2)
+    return dog.state, dog.truth.position[:2]
+
+
+def test_it_walks_alike_wherever_its_root_is(tmp_path: Path) -> None:
+    state, place = walked_from_root(tmp_path, 0.0)
+    assert state == 'move base'
+    assert place[0] > 0.4
+    # In the ground, and above the trunk.
+    for z in 0.45, -0.3:
+        other, end = walked_from_root(tmp_path, z)
+        assert other == state
+        np.testing.assert_allclose(end, place, atol=2e-3)

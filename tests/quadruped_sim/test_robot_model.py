@@ -8,12 +8,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from quadruped_sim.dynamics import drag
-from quadruped_sim.leg_kinematics import LEGS
+from quadruped_sim.leg_kinematics import foot_positions, LEGS
 from quadruped_sim.robot_model import JointMap, NO_TORQUE, RobotModel
 from robot_description.description import parse_description
 from robot_description.morphology.quadruped import GO2
 from wasd_core.errors import RobotModelError
 from wasd_core.robot_io import JointStates, Reading
+from wasd_core.rotations import rpy_matrix
 
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
 
@@ -45,6 +46,20 @@ def test_joints_may_have_any_name(urdf, model, angles):
     other = make_model(urdf.replace('RR_calf_joint', 'other_joint'))
     assert other.quadruped.joint_names[-1] == 'other_joint'
     np.testing.assert_array_equal(other.foot_positions(angles), model.foot_positions(angles))
+
+
+def test_how_far_it_has_risen_is_told_at_the_hips(urdf, model):
+    """So a fall is one wherever the root is, also on the ground or in it."""
+    weld = '<joint name="weld" type="fixed"><parent link="below"/><child link="base"/>'
+    weld += '<origin xyz="0.1 0 0.45"/></joint><link name="below"/></robot>'
+    low = make_model(urdf.replace('</robot>', weld))
+    R = rpy_matrix(0.2, 0.3, 0.4)
+    down = float(R[2] @ (0.1, 0.0, 0.45))
+    for height in 0.05, 0.2, 0.3:
+        assert low.risen(height - down, R) == pytest.approx(model.risen(height, R), rel=1e-12)
+    feet = foot_positions(model.geometry, model.standing_pose)[:, 2]
+    stand = model.geometry.foot_radius - float(feet.mean())
+    assert model.risen(stand, np.eye(3)) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_what_is_no_quadruped_is_refused_and_its_file_named():

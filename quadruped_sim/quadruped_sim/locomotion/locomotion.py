@@ -107,12 +107,13 @@ class Locomotion:
 
     def _height_of(self, params: LegControllerParameters) -> float:
         """Return the height of the base that puts the hips where they are to be [m]."""
-        return params.reference.height - float(self._model.geometry.hip[:, 2].mean())
+        return params.reference.height - float(self._model.hips[2])
 
     @property
     def is_up(self) -> bool:
-        """Whether the base has risen far enough for the feet to reach where they step."""
-        return self._height > _UP * self._nominal_height
+        """Whether the hips have risen far enough for the feet to reach where they step."""
+        hips = float(self._model.hips[2])
+        return self._height + hips > _UP * (self._nominal_height + hips)
 
     def reset(self, state: RobotState, feet: np.ndarray | None = None) -> None:
         """Stand where the robot is, on level ground under its feet, or `feet` (4, 3) [m]."""

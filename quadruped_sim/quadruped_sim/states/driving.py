@@ -326,8 +326,8 @@ class FixedStand(AfterTrot):
 
 
 def is_up(model: RobotModel, robot: RobotState) -> bool:
-    """Whether the legs hold the base about as high as in the stand."""
-    return robot.height(model.geometry.foot_radius) > UP * model.standing_height
+    """Whether the legs hold the hips about as high as in the stand."""
+    return model.risen(robot.height(model.geometry.foot_radius), robot.base.R) > UP
 
 
 class OnFeet(AfterTrot):

@@ -228,7 +228,7 @@ def _pose(model: RobotModel, height: float, ahead: float = 0.0) -> np.ndarray:
     """Leg angles (12,), hips a Go2's `height` above the feet, those `ahead` [m] of the hips."""
     feet = foot_positions(model.geometry, model.standing_pose)
     feet[:, 0] += ahead
-    feet[:, 2] = float(model.geometry.hip[:, 2].mean()) - height * model.scale.of('m')
+    feet[:, 2] = float(model.hips[2]) - height * model.scale.of('m')
     limits = model.limits
     angles = all_leg_angles(model.geometry, feet)
     return np.asarray(np.clip(angles, limits.lower, limits.upper))
