@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from cases import for_all
 import numpy as np
 import pytest
 from quadruped_sim.keys import KeyWords, StickValues
@@ -7,6 +8,8 @@ from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.tuning import GaitParameters
+from wasd_core.errors import UserError
+from wasd_core.robot_io import JointTargets
 from wasd_core.rotations import rpy_matrix, to_quaternion
 
 DT = 0.002
@@ -455,6 +458,42 @@ def test_a_policy_is_left_with_all_feet_in_the_air(model, walker, run, key):
     assert not controller.robot.is_contact.any()
     assert controller.event is None
     assert controller.state == {'2': 'fixed stand', '7': 'lie down'}[key]
+
+
+def test_a_policy_with_targets_of_a_wrong_shape_ends_passive_with_a_line(
+    model, walker, run, monkeypatch
+):
+    monkeypatch.setattr('quadruped_sim.states.policy.SETTLE_TIME', 0.0)
+    pose, gains = walker.default, np.full(12, 40.0)
+    controller = LegController(model, estimator='truth', walker=walker)
+    right = JointTargets(pose.tolist(), gains.astype(np.float32), gains)
+    wrong = [
+        None,
+        JointTargets(pose[:5], gains, gains),
+        JointTargets(np.zeros(13), gains, gains),
+        JointTargets(pose, 40.0, gains),
+        JointTargets(None, gains, gains),
+        (pose, gains),
+    ]
+    for targets, state in ((right, 'policy'), *((each, 'passive') for each in wrong)):
+        monkeypatch.setattr(walker, 'step', lambda *_, targets=targets: targets, raising=False)
+        run(controller, 2)
+        controller.press('2')
+        run(controller, 3)
+        controller.press('p')
+        command = run(controller, 3)
+        assert controller.state == state
+        assert ('got targets of' in (controller.event or '')) == (state == 'passive')
+    assert not command.kp.any()
+    said = 'policy: got targets of shapes [(12,), (12,)], wanted 3 of (12,)'
+    assert controller.event == f'the controller broke: {said}'
+
+
+@for_all('default', [np.zeros(3), np.zeros(13), np.full(12, np.nan), ['x'] * 12, None])
+def test_a_policy_whose_pose_is_none_of_this_robot_is_refused(model, walker, monkeypatch, default):
+    monkeypatch.setattr(walker, 'default', default)
+    with pytest.raises(UserError, match='^policy: default: got .*, wanted 12 finite numbers$'):
+        LegController(model, walker=walker)
 
 
 def test_after_a_fault_the_heading_that_was_found_is_kept(model, run):

@@ -2,9 +2,11 @@
 """A walker from outside, as a neural network, in place of the gait: key p."""
 
 import math
+from types import GenericAlias
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from wasd_core.arguments import check
 from wasd_core.errors import suggest, UserError
 from wasd_core.jit import jit
 from wasd_core.robot_io import command_bounds, JointCommand, JointTargets, Senses
@@ -113,7 +115,7 @@ class Policy(AfterTrot, Trotting):
 
     def __init__(self, parts: ControllerParts, walker: Walker) -> None:
         """
-        Take a walker whose joints are this robot's.
+        Take a walker whose joints are this robot's, and its pose, a number for each of them.
 
         Raises:
             UserError: they are not.
@@ -131,6 +133,8 @@ class Policy(AfterTrot, Trotting):
         self._theirs = np.array([names.index(name) for name in walker.joints])
         self._ours = np.argsort(self._theirs)
         self._sign, self._zero = quadruped.sign, quadruped.zero
+        check('policy: default', walker.default, GenericAlias(tuple, (float,) * len(names)))
+        self._default = self._sign * np.asarray(walker.default)[self._ours] + self._zero
         self._turns = np.stack((self._sign, self._zero))
         self._low, self._high = command_bounds(walker.ranges)
         # What is compiled is loaded now, not while the robot stands and waits.
@@ -150,7 +154,6 @@ class Policy(AfterTrot, Trotting):
             self._parts.command_filter.reset()
             self._parts.locomotion.reset(robot)
         self._walker.reset()
-        self._default = self._sign * self._walker.default[self._ours] + self._zero
         self._held: JointCommand | None = None
         self._waited = 0.0  # since the walker's last step [s]
         self._used_sticks = False
@@ -189,7 +192,12 @@ class Policy(AfterTrot, Trotting):
         return self._held
 
     def _walk(self, robot: RobotState, dt: float) -> JointCommand:
-        """Step the walker, `dt` [s] after its last step."""
+        """
+        Step the walker, `dt` [s] after its last step.
+
+        Raises:
+            ValueError: it gives no targets of this robot.
+        """
         self._read_command()
         asked = self._parts.command_filter
         asked.velocity = None
@@ -198,7 +206,12 @@ class Policy(AfterTrot, Trotting):
         omega = robot.base.omega
         self._watch([*moves[:2].tolist(), float(omega[2])], command.tolist(), dt)
         senses = Senses(robot.orientation, omega, moves, *joints)
-        position, kp, kd = self._walker.step(senses, command, dt)
+        given = self._walker.step(senses, command, dt)
+        targets = [np.asarray(each, float) for each in given] if np.iterable(given) else []
+        shapes, wanted = [each.shape for each in targets], self._ours.shape
+        if shapes != [wanted] * 3:
+            raise ValueError(f'policy: got targets of shapes {shapes}, wanted 3 of {wanted}')
+        position, kp, kd = targets
         position = self._sign * position.take(self._ours) + self._zero
         return JointCommand(position, _ZERO, _ZERO, kp.take(self._ours), kd.take(self._ours))
 
