@@ -12,12 +12,19 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_description.morphology.kinds import name_kind
-from robot_description.morphology.wheels import ANY_WHEELS, Drive, find_drive, WheelChoice
+from robot_description.morphology.wheels import (
+    ANY_WHEELS,
+    Drive,
+    find_drive,
+    looks_along_y,
+    WheelChoice,
+)
 from robot_description.robot import Robot
 from wasd_core.errors import UserError
 
 # What to do where wheels are not found.
 CURE = 'left_wheel_names, right_wheel_names and wheel_radius in a --controller file say which'
+TURNED = 'the robot looks along y: turn its root by 90 degrees (x forward, y left: REP 103)'
 Pair = tuple[float, float]
 
 
@@ -88,13 +95,14 @@ def find_pair(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
     drive = find_drive(robot, choice)
     if drive.wheels:
         return drive
-    if choice.names:
-        raise DiffDriveError(f'{robot.name!r} {drive.why_not()}')
-    what, cure = name_kind(robot, drive)
+    what, cure = ('', '') if choice.names else name_kind(robot, drive)
     if what:
         it_is = 'is' if drive.what else 'has no two driven wheels: it is'
         raise DiffDriveError(f'{robot.name!r} {it_is} {what}; {cure}')
-    raise DiffDriveError(f'{robot.name!r} {drive.why_not()}; {CURE}')
+    cure = '' if choice.names else f'; {CURE}'
+    if looks_along_y(robot):
+        cure = f'; {TURNED}'
+    raise DiffDriveError(f'{robot.name!r} {drive.why_not()}{cure}')
 
 
 def geometry_of(robot: Robot, drive: Drive) -> DiffDriveGeometry:

@@ -175,6 +175,22 @@ def test_wheels_that_do_not_make_a_differential_drive_are_named(wheels, message)
         find_wheels(robot(*wheels))
 
 
+@for_all('choice', [WheelChoice(), WheelChoice(('l_joint', 'r_joint'), 0.06)])
+def test_a_robot_that_looks_along_y_is_told_to_turn_its_root_and_not_to_name_its_wheels(choice):
+    quarter = '0 0 1.5707963267948966'
+    left, right = (wheel(n, 0.0, x=x, rpy=quarter) for n, x in (('l', -0.2), ('r', 0.2)))
+    with pytest.raises(DiffDriveError, match='turn its root by 90 degrees') as refusal:
+        find_wheels(robot(left, right), choice)
+    assert 'wheel_names' not in str(refusal.value)
+
+
+def test_named_wheels_are_refused_by_the_limit_that_counts_for_them():
+    names = WheelChoice(('l_joint', 'r_joint'))
+    leaning = wheel('r', -0.2, axis='1.5 1 0')
+    with pytest.raises(DiffDriveError, match=r'56.3 degrees off y \(45 are taken\)'):
+        find_wheels(robot(wheel('l', 0.2), leaning), names)
+
+
 def test_smaller_wheels_beside_each_other_are_casters():
     small = [wheel(name, y, x=-0.1, radius=0.03) for name, y in (('a', 0.1), ('b', -0.1))]
     geometry = find_wheels(robot(*small, wheel('l', 0.2), wheel('r', -0.2)))

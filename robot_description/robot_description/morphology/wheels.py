@@ -184,6 +184,15 @@ def drive_wheels(robot: Robot) -> tuple[DriveWheel, ...]:
     return find_drive(robot).wheels
 
 
+def looks_along_y(robot: Robot) -> bool:
+    """Whether all that a robot rolls on turns about x, two parts of it on one axle."""
+    rollers = find_rollers(robot)
+    apart = [np.abs(a.position - b.position) for a, b in combinations(rollers, 2)]
+    return all(abs(float(roller.axis[0])) > math.cos(OFF_AXIS) for roller in rollers) and any(
+        x > OFF_AXLE >= max(y, z) for x, y, z in apart
+    )
+
+
 def _wheel(
     robot: Robot, joint: Joint, choice: WheelChoice, rollers: Sequence[Roller]
 ) -> DriveWheel | str:
@@ -195,9 +204,10 @@ def _wheel(
     frame = robot.rest_poses[joint.child]
     axis = frame.rotation @ joint.axis
     tilt = math.acos(min(1.0, abs(float(axis[1]))))
-    if tilt > (math.pi / 4 if choice.names else OFF_AXIS):
-        limit = math.degrees(OFF_AXIS)
-        return f'has its axis {math.degrees(tilt):.3g} degrees off y ({limit:g} are taken)'
+    most = math.pi / 4 if choice.names else OFF_AXIS
+    if tilt > most:
+        off, limit = math.degrees(tilt), math.degrees(most)
+        return f'has its axis {off:.3g} degrees off y ({limit:g} are taken)'
     if joint.mimics:
         return f'mimics {joint.mimics!r}, a driven wheel has a motor of its own'
     above = tuple(each for each in joints_above(robot, joint) if each.kind not in LOOSE)
