@@ -133,6 +133,19 @@ def test_a_robot_that_is_carried_away_says_so_draws_nothing_and_finds_itself_aga
     assert (occupied < np.array(ROOM[2:]) + 0.1).all()
 
 
+def test_a_robot_that_is_put_back_does_not_draw_its_room_again_behind_the_walls() -> None:
+    mapper, random = Mapper(), np.random.default_rng(11)
+    start = np.array((-1.2, -1.0, 0.0))
+    for index in range(60):
+        pose = start + np.array((0.0, 1.5 * min(index / 29, 1.0), 0.0))
+        # Odometry has not seen that it was put back.
+        seen = look(pose if index < 30 else start, random)
+        mapper.step(seen, pose, index * 1e-5 * np.eye(3))
+    assert np.hypot(*(mapper.pose - start)[:2]) < 0.03
+    occupied = mapper.grid.to_points(np.argwhere(mapper.grid.cells == 100))
+    assert (occupied < np.array(ROOM[2:]) + 0.1).all()
+
+
 def test_a_robot_whose_wheels_spin_says_that_it_is_stuck_and_stays_where_it_is() -> None:
     """It drives at 0.3 m/s and meets a sill; three seconds are 16 scans."""
     mapper, random, said = Mapper(), np.random.default_rng(8), []

@@ -131,22 +131,25 @@ def test_what_is_small_and_free_all_around_in_a_grid_is_a_post() -> None:
 
 
 def test_what_is_seen_where_nothing_was_known_speaks_against_no_pose() -> None:
-    """Points on a wall fit it; of others those that are where all is free do not fit."""
+    """Unless all is free there, or a wall is before it."""
     local, places = make_local_map(8.0), Places()
     scan = look(np.zeros(3), np.random.default_rng(0))
     surface = find_surface(scan, NOISE)
     places.add(scan, surface, np.zeros(3))
     places.show(local, np.zeros(2), np.arange(1))
     canvas = Canvas(0.05)
-    canvas.draw(scan, surface, np.zeros(3))
+    for _ in range(2):
+        canvas.draw(scan, surface, np.zeros(3))
     other = np.array(((0.5, 0.1, -1.0, 0.0, 0.012), (9.0, 9.0, -1.0, 0.0, 0.012)))
     points = np.concatenate((surface.points, other))
     fits, new = count_fitting(local, points, np.zeros(3), 0.012, *canvas.odds)
     assert fits >= 0.97 * len(surface.points)
     assert len(points) - new - fits <= 0.03 * len(surface.points) + 1
     alone = count_fitting(local, other[:1], np.zeros(3), 0.012, *canvas.odds)
-    beyond = count_fitting(local, other[1:], np.zeros(3), 0.012, *canvas.odds)
-    assert (alone, beyond) == ((0, 0), (0, 1))
+    behind = count_fitting(local, other[1:], np.zeros(3), 0.012, *canvas.odds)
+    nothing = Canvas(0.05).odds
+    beyond = count_fitting(local, other[1:], np.zeros(3), 0.012, *nothing)
+    assert (alone, behind, beyond) == ((0, 0), (0, 0), (0, 1))
 
 
 def test_a_canvas_grows_and_keeps_what_it_has() -> None:

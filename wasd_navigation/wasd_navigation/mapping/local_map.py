@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
+from wasd_navigation.mapping.occupancy import OCCUPIED_FROM
 from wasd_navigation.se2 import invert
 
 CELL = 0.10  # [m]
@@ -14,6 +15,8 @@ CELL = 0.10  # [m]
 REACH = 0.15
 # Surfaces that face apart by more than this are not the same: cosine of the angle.
 LEAST_COSINE = 0.7
+# What is farther than this behind what is occupied contradicts the map [m].
+BEHIND = 0.2
 # One in so many points counts until the pose has settled so far [m], [rad]; then all do.
 COARSE, SETTLED = 4, 1e-3
 # What seems told where nothing is, as a share of the most that is told; a turn as a way [m].
@@ -370,8 +373,9 @@ def count_fitting(
     frame: tuple[float, int, int],
 ) -> tuple[int, int]:
     """
-    Return how many points fit at a pose, and how many others are not where all is free.
+    Return how many points fit at a pose, and how many others the map does not contradict.
 
+    It does where all is free, and behind what is occupied: nothing is seen through a wall.
     `odds` are those of cells, 0 where nothing is known; `frame` is as of `Canvas.odds`.
     """
     fits, new = 0, 0
@@ -390,5 +394,21 @@ def count_fitting(
             for c in range(column - 1, column + 2):
                 inside = 0 <= r < odds.shape[0] and 0 <= c < odds.shape[1]
                 is_new = is_new or not inside or odds[r, c] >= 0.0
-        new += is_new
+        new += is_new and not _is_behind(x, y, pose, odds, frame)
     return fits, new
+
+
+@jit
+def _is_behind(
+    x: float, y: float, pose: np.ndarray, odds: np.ndarray, frame: tuple[float, int, int]
+) -> bool:
+    """Return whether a point [m] is behind what is occupied, as seen from a pose."""
+    way = math.hypot(x - pose[0], y - pose[1])
+    for step in range(int((way - BEHIND) / frame[0])):
+        share = step * frame[0] / way
+        column = int(math.floor((pose[0] + share * (x - pose[0])) / frame[0])) - frame[1]
+        row = int(math.floor((pose[1] + share * (y - pose[1])) / frame[0])) - frame[2]
+        inside = 0 <= row < odds.shape[0] and 0 <= column < odds.shape[1]
+        if inside and odds[row, column] > OCCUPIED_FROM:
+            return True
+    return False
