@@ -155,6 +155,16 @@ class SimulatorNode(Node):
             # As often as possible without making physics stop more often.
             schedule.every(schedule.stride * self._world.time_step, self.sensors.step)
 
+    def each_second(self) -> None:
+        """Publish diagnostics, and say once that several nodes command the motors."""
+        self.publish_diagnostics(self.state)
+        ends = self.get_publishers_info_by_topic('joint_commands')
+        if len(ends) > 1:
+            names = ', '.join(sorted(end.node_name for end in ends))
+            self.get_logger().warning(
+                f'joint_commands comes from {names}: let one of them command the motors', once=True
+            )
+
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long ticks take, and the state, or that it pauses."""
         speed = self.simulation.pacer.speed
@@ -328,7 +338,7 @@ def simulate(node: SimulatorNode, stop: StopSignals) -> None:
         node.simulation.run(
             stop=lambda: stop.requested or not rclpy.ok(),
             poll=pump.handle,
-            each_second=lambda: node.publish_diagnostics(node.state),
+            each_second=node.each_second,
             may_advance=node.may_advance,
         )
     finally:

@@ -346,6 +346,18 @@ def test_diagnostics_of_a_paused_simulator_say_so_and_repeat_no_factor(
     assert (said['state'], said['real_time_factor']) == ('paused', '0.00')
 
 
+def test_that_two_controllers_command_the_motors_is_said_once(
+    peer, simulator, spawn, spin_until, capfd
+):
+    simulator.each_second()
+    assert 'joint_commands' not in capfd.readouterr().err
+    spawn(Node('rival')).create_publisher(JointTrajectory, 'joint_commands', 10)
+    spin_until(spawn.pump, lambda: simulator.count_publishers('joint_commands') == 2)
+    simulator.each_second()
+    simulator.each_second()
+    assert capfd.readouterr().err.count('joint_commands comes from peer, rival: ') == 1
+
+
 def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_until):
     simulator.simulation.pacer.speed = 0.05  # even a busy machine keeps up with that
     spin = spawn.pump.handle
