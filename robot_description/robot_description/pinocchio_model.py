@@ -152,8 +152,8 @@ def _add_joint(robot: ElementTree.Element, joint: ElementTree.Element, bounded: 
             bare.append(part)
     limit = joint.find('limit')
     said = dict(limit.attrib) if limit is not None else {}
-    if not has_stops or float(said.get('lower', '0')) == float(said.get('upper', '0')):
-        for end in ('lower', 'upper'):  # a limit of no width is none
+    if not has_stops or not any(float(said.get(end, '0')) for end in ('lower', 'upper')):
+        for end in ('lower', 'upper'):  # limits of zero are none
             said.pop(end, None)
     if is_movable or limit is not None:
         ElementTree.SubElement(bare, 'limit', {**NO_LIMIT, **said} if is_movable else said)

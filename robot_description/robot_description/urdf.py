@@ -300,7 +300,7 @@ def _joint(tag: ElementTree.Element) -> Joint:
     limit, dynamics, mimic = tag.find('limit'), tag.find('dynamics'), tag.find('mimic')
     lower, upper = (_number(limit, end, '0', where) for end in ('lower', 'upper'))
     # Limits of zero are none; exchanged ones are swapped.
-    is_free = kind not in LIMITED or limit is None or lower == upper
+    is_free = kind not in LIMITED or limit is None or lower == upper == 0.0
     return Joint(
         name=name,
         kind=kind,

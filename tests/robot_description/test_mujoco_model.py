@@ -216,6 +216,15 @@ def test_a_joint_without_limits_has_none(kind, limit):
     assert not hinge(kind, limit)[1].limited[0]
 
 
+def test_limits_that_are_equal_lock_a_joint():
+    model, joint = hinge(inside='<axis xyz="0 1 0"/><limit lower="0.5" upper="0.5" effort="1"/>')
+    data = mujoco.MjData(model)
+    data.qpos[joint.qposadr] = 0.5
+    data.qfrc_applied[joint.dofadr] = 1.0
+    mujoco.mj_step(model, data, 300)
+    assert data.qpos[joint.qposadr] == pytest.approx(0.5, abs=2e-3)
+
+
 def test_exchanged_limits_are_swapped():
     text = '<limit lower="1" upper="-2"/>'
     np.testing.assert_array_equal(hinge(inside=text)[1].range, [-2.0, 1.0])

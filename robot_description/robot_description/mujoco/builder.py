@@ -32,6 +32,8 @@ from robot_description.robot import Joint, possible_inertia, Robot, WORLD_LINK
 CLEARANCE = 0.05
 # A link without mass between two joints, as a hip of three axes has, gets so much [kg], [kg m^2].
 NEXT_TO_NOTHING = 1e-9
+# How far a joint whose limits are equal may move to either side [rad], [m].
+LOCKED = 1e-6
 
 
 def to_mujoco(robot: Robot, visuals: bool = False) -> mujoco.MjSpec:
@@ -174,7 +176,9 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     if joint.kind == 'revolute':
         added[0].armature = REFLECTED_INERTIA
     if np.isfinite(joint.upper):
-        added[0].range = joint.lower, joint.upper
+        # A range without any width is none to MuJoCo: a joint that is locked has a hair.
+        hair = LOCKED if joint.lower == joint.upper else 0.0
+        added[0].range = joint.lower - hair, joint.upper + hair
     if added and joint.effort:
         # Whatever acts on the joint, in sum; its motor stops there by itself.
         added[0].actfrcrange = -abs(joint.effort), abs(joint.effort)
