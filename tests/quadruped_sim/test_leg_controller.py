@@ -91,6 +91,18 @@ def test_keys_that_come_with_a_states_key_move_the_sticks_of_that_state(controll
     assert controller.sticks.values == StickValues(lx=0.05)
 
 
+def test_the_key_of_the_present_state_changes_nothing(controller, run):
+    run(controller, 2)
+    for key in '24w':
+        assert controller.press(key) is None
+        run(controller, 3)
+    assert controller.press('4') == 'trotting already'
+    assert controller.press('w') is None
+    assert controller.sticks.values.ly == 0.1
+    run(controller, 3)
+    assert controller.sticks.values.ly == 0.1
+
+
 def test_a_velocity_ends_with_a_states_key_also_where_the_next_leads_back(controller, run):
     run(controller, 2)
     for key in '25':

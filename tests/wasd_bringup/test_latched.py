@@ -70,7 +70,8 @@ class Held:
             )
         )
         self.robot = self.session.robot
-        self._motion_keys = {'mbot': 'i', 'unitree': 'w'}[preset], '2', '4', '5'
+        # A state's key ends what moves the robot in the state before it.
+        self._motion_keys = '2', '4', '5', {'mbot': 'i', 'unitree': 'w'}[preset]
         self.face = self.session.face.faces[0]
 
     def begin(self):
@@ -79,7 +80,7 @@ class Held:
         for when, key in self._keys:
             self.run(when - (self.session.world.time - start), holds=False)
             self.session.press(key)
-        self.run(1.5)
+        self.run(2.5)
 
     def hold(self):
         """Send what each source sends while it holds."""

@@ -287,9 +287,10 @@ class Go2(Robot):
             if self._robot.heeds_e_stop(key, 'script'):
                 return None
             controller = self._robot.legs.controller
+            before = controller.coming_state
             said: str | None = controller.press(key)
             state = controller.coming_state
-            if said is None and key in STATE_KEYS:
+            if state != before:
                 self._velocity = None  # also where further keys lead back to this state
         if said is not None and key in STATE_KEYS and STATE_KEYS[key] != state:
             raise UserError(said)
