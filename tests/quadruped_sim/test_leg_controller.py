@@ -501,6 +501,23 @@ def test_a_policy_with_targets_of_a_wrong_shape_ends_passive_with_a_line(
     assert controller.event == f'the controller broke: {said}'
 
 
+def test_a_policy_begins_in_the_pose_that_its_reset_chooses(model, walker, run, monkeypatch):
+    monkeypatch.setattr('quadruped_sim.states.policy.SETTLE_TIME', 1.0)
+    controller = LegController(model, estimator='truth', walker=walker)
+    chosen = walker.default + 0.3
+    monkeypatch.setattr(walker, 'reset', lambda: walker.default.__setitem__(slice(None), chosen))
+    run(controller, 2)
+    controller.press('2')
+    run(controller, 3)
+    controller.press('p')
+    run(controller, 3)
+    ours = [walker.joints.index(name) for name in model.quadruped.joint_names]
+    state = controller._states['policy']
+    assert state._default == pytest.approx(
+        model.quadruped.sign * chosen[ours] + model.quadruped.zero
+    )
+
+
 @for_all('default', [np.zeros(3), np.zeros(13), np.full(12, np.nan), ['x'] * 12, None])
 def test_a_policy_whose_pose_is_none_of_this_robot_is_refused(model, walker, monkeypatch, default):
     monkeypatch.setattr(walker, 'default', default)

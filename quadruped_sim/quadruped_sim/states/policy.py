@@ -134,7 +134,6 @@ class Policy(AfterTrot, Trotting):
         self._ours = np.argsort(self._theirs)
         self._sign, self._zero = quadruped.sign, quadruped.zero
         check('policy: default', walker.default, GenericAlias(tuple, (float,) * len(names)))
-        self._default = self._sign * np.asarray(walker.default)[self._ours] + self._zero
         self._turns = np.stack((self._sign, self._zero))
         self._low, self._high = command_bounds(walker.ranges)
         # What is compiled is loaded now, not while the robot stands and waits.
@@ -153,7 +152,8 @@ class Policy(AfterTrot, Trotting):
         if not self._parts.locomotion.gait.is_stepping:
             self._parts.command_filter.reset()
             self._parts.locomotion.reset(robot)
-        self._walker.reset()
+        self._walker.reset()  # which may choose the pose
+        self._default = self._sign * np.asarray(self._walker.default)[self._ours] + self._zero
         self._held: JointCommand | None = None
         self._waited = 0.0  # since the walker's last step [s]
         self._used_sticks = False
