@@ -20,7 +20,6 @@ from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
-from rclpy.serialization import serialize_message
 
 from wasd_core.network import is_sourced
 from wasd_core.timing import Absence
@@ -182,11 +181,12 @@ class LoopbackSubscription(Generic[Message]):
     runs repeat; the message is also published for everybody else, and the middleware brings it
     back to our own subscription. `expect` remembers such a message; its echo is then dropped.
 
-    Echo and message are matched by their bytes, which are equal also where NaN is in them. An
-    equal message from outside that overtakes an echo is dropped in its place, and the echo
-    delivered: the receiver sees the same. An echo that gets lost is waited for up to
-    ECHO_LIFETIME; so long, one equal message from outside may be taken for it. What has come, and
-    waits for a process that is late, is looked at before anything is given up.
+    Echo and message are matched by their texts, which are equal also where NaN is in them; their
+    bytes are not, as the middleware leaves anything in the gaps between fields. An equal message
+    from outside that overtakes an echo is dropped in its place, and the echo delivered: the
+    receiver sees the same. An echo that gets lost is waited for up to ECHO_LIFETIME; so long, one
+    equal message from outside may be taken for it. What has come, and waits for a process that is
+    late, is looked at before anything is given up.
 
     `is_stale` is asked about each message from another process, with the system time [ns] at
     which it was sent; what it calls stale is dropped, and so is what `admit` refuses. `hear`
@@ -210,7 +210,7 @@ class LoopbackSubscription(Generic[Message]):
         self._is_stale = is_stale
         self.admit: Callable[[Message], bool] = lambda message: True
         # Of each message whose echo has not come when it was published, once for each time [s].
-        self._pending: dict[bytes, deque[float]] = {}
+        self._pending: dict[str, deque[float]] = {}
         # rclpy passes a message's origin to a callback of two parameters; its types do not say so.
         on_message: Any = self._on_message
         self._subscription: Any = node.create_subscription(message_type, topic, on_message, qos)
@@ -233,7 +233,7 @@ class LoopbackSubscription(Generic[Message]):
 
     def expect(self, message: Message) -> None:
         """Drop the echo of a message that this process is publishing."""
-        times = self._pending.setdefault(serialize_message(message), deque(maxlen=EVENTS_DEPTH))
+        times = self._pending.setdefault(repr(message), deque(maxlen=EVENTS_DEPTH))
         times.append(time.monotonic())
 
     def hear(self, message: Message) -> None:
@@ -250,7 +250,7 @@ class LoopbackSubscription(Generic[Message]):
     def _is_echo(self, message: Message) -> bool:
         if not self._pending:
             return False
-        received = serialize_message(message)
+        received = repr(message)
         if received not in self._pending:
             return False
         self._pending[received].popleft()
