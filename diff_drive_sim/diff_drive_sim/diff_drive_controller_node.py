@@ -320,7 +320,7 @@ class DiffDriveControllerNode(Node):
 
     def _age_of(self, stamp: Time) -> float | None:
         """Return how old a command is [s], None for one to be dropped, and tell what is odd."""
-        now, sent = 1e-9 * self.get_clock().now().nanoseconds, to_seconds(stamp)
+        now, sent = to_seconds(self.get_clock().now().to_msg()), to_seconds(stamp)
         verdict = judge_stamp(sent, now, self.settings.cmd_vel_timeout)
         if verdict.age is None:
             self.get_logger().warning(f'cmd_vel {verdict.note}', throttle_duration_sec=1.0)

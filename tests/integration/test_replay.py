@@ -30,6 +30,7 @@ from wasd_bringup.tools.recording.reader import (
 )
 from wasd_bringup.tools.recording.recorder import BagRecorder, full_definition, to_bytes
 from wasd_bringup.tools.recording.replay import ReplayView
+from wasd_core.messages import to_stamp
 
 pytestmark = [pytest.mark.long, pytest.mark.slow]
 
@@ -266,6 +267,29 @@ def test_keys_mean_the_same_again_on_their_layout_and_in_their_preset(
     assert np.hypot(end[0] - start[0], end[1] - start[1]) > 0.05 or words[0] == '--preset'
     done = runner('replay', 'go2.mcap', '--drive')
     assert (done.returncode, done.stdout) == (0, '200 of 200 recorded poses are identical\n')
+
+
+@pytest.mark.usefixtures('ros')
+def test_a_stamped_velocity_that_was_old_when_it_came_holds_as_long_again(run: Any) -> None:
+    runner, path = run[0], run[0].folder / 'old.mcap'
+    file = runner.folder / 'stamped.yaml'
+    file.write_text('use_stamped_vel: true\n')
+    options = RunOptions(
+        robot='mbot', description='mbot', preset='mbot', speed=0.0, controller=file
+    )
+    recorder = BagRecorder(path, describe_run(options))
+    session: Any = make_ros_run(options, recorder=recorder)
+    session.simulation.advance(1000)
+    old = TwistStamped()
+    old.header.stamp, old.twist.linear.x = to_stamp(session.world.time - 0.4), 0.3
+    session.face.handle(0.0)  # which sets the clocks
+    session.face.faces[0].controller.node.cmd_vel.hear(old)
+    session.simulation.advance(1000)
+    assert 0.0 < session.world.base().position[0] < 0.1  # for 0.1 of 0.5 s
+    session.close()
+    recorder.close()
+    done = runner('replay', path.name, '--drive')
+    assert (done.returncode, done.stdout) == (0, '100 of 100 recorded poses are identical\n')
 
 
 @pytest.mark.parametrize('is_stamped_first', [False, True])

@@ -213,8 +213,6 @@ def _missed_goals(report: dict[str, Any]) -> Iterator[str]:
     for robot in report.get('robots', {'': report}).values():
         for goal in robot.get('navigation', {}).get('goals', ()):
             if goal['state'] in ('refused', 'failed'):
-                x, y, _ = goal['goal']
-                where = (
-                    '' if x is None else f' {round(x, 2):zg} {round(y, 2):zg}'
-                )  # it may be none at all
+                x, y, _ = goal['goal']  # it may be none at all
+                where = '' if x is None else f' {round(x, 2):zg} {round(y, 2):zg}'
                 yield f'goal{where} {goal["state"]}: {goal["reason"]}'

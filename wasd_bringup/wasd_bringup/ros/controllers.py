@@ -184,7 +184,7 @@ class WheelsFace(ControllerFace):
 
     def _to_message(self, told: FullVelocity) -> Any:
         settings = self.node.settings
-        now = self.node.get_clock().now().to_msg() if settings.stamped else None
+        now = to_stamp(self.robot.world.time) if settings.stamped else None
         return stamped(to_twist(*told), now, settings.base_frame_id)
 
 

@@ -51,6 +51,7 @@ class Command(NamedTuple):
     """
     What a recording says came at `time` [s] to the robot with a namespace: a key or a velocity.
 
+    A velocity was `age` [s] old by its stamp.
     Or an `event` of the whole run: 'reset', 'step' by hand, or 'e-stop', whose keys come after it.
     """
 
@@ -58,6 +59,7 @@ class Command(NamedTuple):
     namespace: str
     key: str | None = None
     velocity: tuple[float, float, float] | None = None
+    age: float = 0.0
     event: str = ''
 
 

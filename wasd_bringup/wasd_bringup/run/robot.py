@@ -254,12 +254,12 @@ class Robot(ABC):
         self._obey(key, is_pressed=by not in (E_STOP, LOST))
         return True
 
-    def drive(self, velocity: Velocity, by: str) -> bool:
-        """Command a source's velocity [m/s], [m/s], [rad/s]; False: it is refused."""
+    def drive(self, velocity: Velocity, by: str, age: float = 0.0) -> bool:
+        """Command a source's velocity [m/s], [rad/s], `age` [s] old; False: it is refused."""
         if not self.drivers.take(by, velocity=velocity):
             self.say_if_stopped()
             return False
-        self._follow(velocity)
+        self._follow(velocity, age=age)
         return True
 
     def release(self, by: str) -> None:
@@ -430,9 +430,9 @@ class Robot(ABC):
         if held.keys:
             self._obey(self.stop_key, is_pressed=False)
 
-    def _follow(self, velocity: Velocity, up: float = 0.0) -> None:
+    def _follow(self, velocity: Velocity, up: float = 0.0, age: float = 0.0) -> None:
         """Command a velocity, and tell listeners."""
-        self.command(velocity)
+        self.command(velocity, age)
         told = (velocity[0], velocity[1], up, velocity[2])
         for tell in self.on_velocity:
             tell(told)

@@ -395,7 +395,7 @@ class Run:
             if command.key is not None and robot.has_states:
                 robot.press(command.key, 'recording')
             elif command.velocity is not None:
-                robot.drive(command.velocity, 'recording')
+                robot.drive(command.velocity, 'recording', command.age)
 
     def press(self, key: str, by: str = 'keys', to: int | None = None) -> None:
         """Give a source's key to the robot of number `to`, or to the one that `switch` names."""

@@ -13,6 +13,7 @@ import struct
 import tempfile
 from typing import Any, BinaryIO, NamedTuple
 
+from geometry_msgs.msg import Twist, TwistStamped
 from mcap.exceptions import EndOfFile
 from mcap.reader import FOOTER_SIZE, make_reader
 from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
@@ -25,6 +26,8 @@ from robot_description.packages import DESCRIPTIONS, OTHERS
 from std_msgs.msg import String
 from teleop_keyboard.keymap_file import preset_names
 from wasd_core.errors import one_line, UserError
+from wasd_core.messages import to_seconds, to_stamp
+from wasd_core.timing import judge_stamp
 from wasd_core.velocity_messages import to_velocity, VELOCITY_TYPES
 
 from wasd_bringup.robots import BOTH, ROBOTS, UNITREE_PRESET, WHEELED
@@ -286,6 +289,14 @@ def robot_topics(bag: BagReader, name: str) -> dict[str, str]:
     return found
 
 
+def _age_of(twist: Twist | TwistStamped, time: float) -> float:
+    """Return how old a velocity was by its stamp when it came [s]; 0 without a stamp."""
+    if isinstance(twist, Twist):
+        return 0.0
+    # One that was too old is not in the recording.
+    return judge_stamp(to_seconds(twist.header.stamp), to_seconds(to_stamp(time)), 0.0).age or 0.0
+
+
 def read_commands(bag: BagReader) -> tuple[Command, ...]:
     """
     Return everything that commanded the robots, in the order in which it came.
@@ -300,8 +311,8 @@ def read_commands(bag: BagReader) -> tuple[Command, ...]:
         time = 1e-9 * message.time
         if message.topic in velocities:
             twist = deserialize_message(message.data, VELOCITY_TYPES[message.kind])
-            velocity = to_velocity(twist)
-            commands.append(Command(time, velocities[message.topic], velocity=velocity))
+            came = Command(time, velocities[message.topic], velocity=to_velocity(twist))
+            commands.append(came._replace(age=_age_of(twist, time)))
         else:
             text = deserialize_message(message.data, String).data
             if message.topic in keys:
