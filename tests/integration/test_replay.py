@@ -454,3 +454,4 @@ def test_a_recording_that_breaks_off_is_driven_as_far_as_it_goes(run: Any) -> No
     same, _, count, *_ = done.stdout.split()
     assert same == count
     assert 20 <= int(count) < 250
+    assert done.stderr == f'WARNING: cut.mcap: breaks off after {0.02 * (int(count) - 1):.2f} s\n'

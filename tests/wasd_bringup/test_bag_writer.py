@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from wasd_bringup.tools.recording import bag_writer, BagWriter
-from wasd_bringup.tools.recording.reader import BagReader
+from wasd_bringup.tools.recording.reader import BagReader, RecordingError
 from wasd_bringup.tools.recording.recorder import full_definition, qos_text, to_bytes
 from wasd_core.errors import UserError
 from wasd_core.output_file import OutputError
@@ -85,10 +85,30 @@ def test_a_file_cut_anywhere_keeps_the_chunks_before_the_cut(
         cut.write_bytes(whole[:size])
         found = read_ours(cut)
         assert found == written[: len(found)]
+        assert BagReader(cut).breaks_off or found == written
         counts.append(len(found))
     assert counts == sorted(counts)
     assert (counts[0], counts[-1]) == (0, len(written))
     assert len(set(counts)) > 5
+
+
+@for_all('tail', [-400, -1, 0, 1])
+def test_damage_is_called_so_also_where_the_file_is_cut_or_longer(
+    tail: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bag_writer, 'CHUNK_SIZE', 700)
+    path = tmp_path / 'a.mcap'
+    written = write_some(path)
+    whole = path.read_bytes()
+    changed = (whole + b'\n')[: len(whole) + tail]
+    path.write_bytes(changed)
+    assert read_ours(path) == written
+    assert not BagReader(path).breaks_off
+    damaged = bytearray(changed)
+    damaged[whole.index(written[30][2])] ^= 2
+    path.write_bytes(damaged)
+    with pytest.raises(RecordingError, match=r'a\.mcap: damaged \(crc'):
+        read_ours(path)
 
 
 def write_some(path: Path) -> list[tuple[str, int, bytes]]:

@@ -63,7 +63,7 @@ class BagReader:
     An MCAP file that `--record` wrote, whole or as far as it goes.
 
     `run` is what `describe_run` said of it; `start` and `end` are the times of the first and the
-    last message [ns].
+    last message [ns]. It `breaks_off` where the run was killed, or has not ended yet.
     """
 
     def __init__(self, path: Path) -> None:
@@ -76,7 +76,8 @@ class BagReader:
         self.path = path
         file = _open(path)
         try:
-            self._reader: Any = make_reader(_with_index(file), validate_crcs=True)
+            file, self.breaks_off = _with_index(file)
+            self._reader: Any = make_reader(file, validate_crcs=True)
             summary: Any = self._reader.get_summary()
             metadata = {one.name: one.metadata for one in self._reader.iter_metadata()}
             counts = summary.statistics.channel_message_counts
@@ -88,6 +89,8 @@ class BagReader:
             self.end = int(summary.statistics.message_end_time)
         except OSError as error:
             raise RecordingError(f'{path}: {one_line(error)}') from None
+        except CRCValidationError as error:
+            raise RecordingError(f'{path}: damaged ({one_line(error)})') from None
         except Exception as error:  # mcap raises whatever a wrong byte leads to
             raise RecordingError(f'{path}: no MCAP recording ({one_line(error)})') from None
         if RECORD_NAME not in metadata:
@@ -123,29 +126,34 @@ def _open(path: Path) -> BinaryIO:
     return file
 
 
-# What a record that is not whole leads to.
-BROKEN_OFF = EndOfFile, struct.error, CRCValidationError
+def _with_index(file: BinaryIO) -> tuple[BinaryIO, bool]:
+    """
+    Return a recording, or of one without an index a copy with one, and whether it breaks off.
 
+    The copy has all whole chunks.
 
-def _with_index(file: BinaryIO) -> BinaryIO:
-    """Return a recording, or where it breaks off, a copy of its whole chunks with an index."""
+    Raises:
+        CRCValidationError: a chunk is damaged.
+    """
     size = file.seek(0, os.SEEK_END)
     file.seek(max(0, size - len(MCAP0_MAGIC)))
     # Shorter is no more than a beginning, which ends in the same bytes.
     is_whole = file.read() == MCAP0_MAGIC and size > FOOTER_SIZE + 2 * len(MCAP0_MAGIC)
     file.seek(0)
     if is_whole:
-        return file
+        return file, False
     copy: BinaryIO = tempfile.TemporaryFile()  # noqa: SIM115
     writer = new_writer(copy)
-    with contextlib.suppress(*BROKEN_OFF):
+    breaks_off = True
+    with contextlib.suppress(EndOfFile, struct.error):  # of a record that is not whole
         for record in StreamReader(file, validate_crcs=True).records:
             if isinstance(record, DataEnd):
+                breaks_off = False
                 break
             _write_again(writer, record)
     writer.finish()
     copy.seek(0)
-    return copy
+    return copy, breaks_off
 
 
 def _write_again(writer: Writer, record: McapRecord) -> None:

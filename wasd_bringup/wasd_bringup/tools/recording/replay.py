@@ -213,6 +213,8 @@ def replay_command(arguments: argparse.Namespace) -> int:
         UserError: what is wrong with the recording or the options.
     """
     bag = BagReader(Path(arguments.file))
+    if bag.breaks_off:
+        print(f'WARNING: {bag.path}: breaks off after {1e-9 * bag.end:.2f} s', file=sys.stderr)
     try:
         options = recorded_options(bag.run)
         # Says now what cannot be repeated.
