@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
+from pathlib import Path
 import re
 
 from cases import for_all
@@ -131,6 +132,27 @@ def test_a_lidar_is_read_in_gazebos_dialects(kind, word, plugin, topic, frame):
 def test_two_lidars_of_one_topic_are_kept_apart_by_their_names():
     (lidars, *_), _ = read(lidar(name='left') + lidar(name='right'))
     assert [found.topic for found in lidars] == ['left/scan', 'right/scan']
+
+
+def test_two_kinds_of_lidars_of_one_topic_are_kept_apart_by_their_names():
+    cloud = lidar(name='up', plugin='<model>l1</model>')
+    (scans, _, clouds), _ = read(lidar(name='low', plugin='<topic>points</topic>') + cloud)
+    assert [found.topic for found in scans + clouds] == ['low/points', 'up/points']
+
+
+PAGE = (Path(__file__).resolve().parents[2] / 'docs/topics.md').read_text()
+ROWS = re.findall(r'^\| `/?([a-z_/]+)` \| `(\w+)/msg/(\w+)` \| ([^|]*) \|', PAGE, re.M)
+OTHERS = [
+    topic
+    for topic, package, kind, source in ROWS
+    if source != 'simulator' or package != 'sensor_msgs' or kind in ('Imu', 'JointState')
+]
+
+
+@for_all('topic', OTHERS)
+def test_a_lidar_leaves_the_topics_of_other_parts_to_them(topic):
+    ((found,), *_), _ = read(lidar(plugin=f'<plugin><topicName>/{topic}</topicName></plugin>'))
+    assert found.topic == f'eye/{topic}'
 
 
 def test_a_camera_without_a_plugin_is_called_as_its_sensor():

@@ -48,6 +48,16 @@ SENSORS = [
     SensorKind(CAMERA_TYPES, read_camera, Camera, {**_IMAGES, **_LENSES}),
     SensorKind(LIDAR_TYPES, read_cloud, PointLidar, _CLOUDS, takes=is_cloud),
 ]
+# Topics of the other parts of a run: DDS refuses a second type.
+TAKEN = (
+    *('clock', 'cmd_vel', 'cmd_vel_out', 'cmd_vel_smoothed', 'diagnostics', 'driver', 'e_stop'),
+    *('elevation', 'foot_contacts', 'global_costmap/costmap', 'goal_pose', 'ground_truth/odom'),
+    *('height_scan', 'imu/data', 'initialpose', 'joint_commands', 'joint_states', 'joy'),
+    *('joy_priority', 'joy_vel', 'keepout_filter_mask', 'key_vel', 'keys', 'local_plan', 'map'),
+    *('map_metadata', 'nav_vel', 'odom', 'odom_error', 'parameter_events', 'pause_navigation'),
+    *('plan', 'pose', 'robot_description', 'rosout', 'selected', 'state', 'stop_closing_loop'),
+    *('tab_vel', 'tf', 'tf_static', 'twist_marker', 'wheel_slip'),
+)
 
 
 class SensorTags(NamedTuple):
@@ -63,7 +73,7 @@ def read_sensor_tags(robot: Robot) -> SensorTags:
 
     A sensor whose tag is broken is left out, which a note says. Topics are relative, so that a
     namespace prefixes them; what ROS does not allow in a name becomes `_`. Where two sensors would
-    publish one topic, both get their sensor's name before it.
+    publish one topic, both get their sensor's name before it. So does one whose topic is TAKEN.
     """
     found = SensorTags([[] for _ in SENSORS], [])
     for gazebo in robot.gazebo:
@@ -77,8 +87,10 @@ def read_sensor_tags(robot: Robot) -> SensorTags:
             for kind, tags in zip(SENSORS, found.kinds, strict=True):
                 if reader.kind in kind.types and kind.takes(reader):
                     tags.append(kind.read(reader))
-    pairs = zip(found.kinds, SENSORS, strict=True)
-    return found._replace(kinds=[_separate(tags, kind.topics) for tags, kind in pairs])
+    pairs = list(zip(found.kinds, SENSORS, strict=True))
+    named = [getattr(tag, name) for tags, kind in pairs for tag in tags for name in kind.topics]
+    taken = [*TAKEN, *named]
+    return found._replace(kinds=[_separate(tags, kind.topics, taken) for tags, kind in pairs])
 
 
 def _why_left_out(reader: TagReader, robot: Robot) -> str:
@@ -102,9 +114,10 @@ def has_camera(robot: Robot) -> bool:
     return any(tags and 'Image' in kind.topics.values() for tags, kind in pairs)
 
 
-def _separate(tags: Sequence[SensorTag], names: Collection[str]) -> list[SensorTag]:
-    """Put the sensor's name before its topics where one of them, by field names, is another's."""
-    topics = [getattr(tag, name) for tag in tags for name in names]
+def _separate(
+    tags: Sequence[SensorTag], names: Collection[str], topics: Sequence[str]
+) -> list[SensorTag]:
+    """Put the sensor's name before its topics where one, by field names, is twice in `topics`."""
     separate = []
     for tag in tags:
         used = {name: getattr(tag, name) for name in names if getattr(tag, name)}
