@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 import stat
 from typing import NamedTuple
+import warnings
 from xml.etree import ElementTree
 
 import mujoco
@@ -308,29 +309,43 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         )
     copies = _count_copies(path, [])
     if copies > MOST_COPIES:
-        raise SimulationError(f'{world}: wanted at most {MOST_COPIES} copies, got {copies:.0f}')
+        wanted = f'wanted at most {MOST_COPIES} elements and copies'
+        raise SimulationError(f'{world}: {wanted}, got {copies:.0f}')
     try:
-        surroundings = mujoco.MjSpec.from_file(str(path))
-        surroundings.compile()  # here, where its mistakes are known to be the file's
+        # Here, where its mistakes are known to be the file's.
+        with warnings.catch_warnings(record=True, action='always') as said:
+            surroundings = mujoco.MjSpec.from_file(str(path))
+            surroundings.compile()
+        for warning in said:
+            LOGGER.warning('%s: %s', world, ' '.join(str(warning.message).split()))
         spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
     except ValueError as error:
         raise SimulationError(f'{world}: {one_line(error)}') from None
 
 
-# What a file's replicate, composite and flexcomp may make, one within the other.
+# What a file may have, and its replicate, composite and flexcomp make, one within the other.
 MOST_COPIES = 100_000
 # So many files, and such large ones [B], are looked into for copies.
 MOST_INCLUDED, LARGEST_INCLUDED = 50, 20_000_000
 
 
 def _count_copies(path: Path, looked: list[Path]) -> float:
-    """Return how many copies an MJCF file makes; of one that is no XML MuJoCo tells more."""
+    """
+    Return how many copies an MJCF file makes; of one that is no XML MuJoCo tells more.
+
+    Raises:
+        SimulationError: it is nested too deep, or no file, on which MuJoCo would wait for ever.
+    """
     looked.append(path)
     try:
         about = path.stat()
-        if not stat.S_ISREG(about.st_mode) or about.st_size > LARGEST_INCLUDED:
+        if not stat.S_ISREG(about.st_mode):
+            raise SimulationError(f'{path}: is no file')
+        if about.st_size > LARGEST_INCLUDED:
             return 1.0
         root = ElementTree.parse(path).getroot()
+    except SimulationError:
+        raise
     except (ElementTree.ParseError, OSError, ValueError):
         return 1.0
 
@@ -346,7 +361,7 @@ def _count_copies(path: Path, looked: list[Path]) -> float:
     try:
         return copies(root)
     except RecursionError:
-        return math.inf
+        raise SimulationError(f'{path}: is nested too deep') from None
 
 
 def add_slope(spec: mujoco.MjSpec, degrees: float, _: np.random.Generator) -> None:

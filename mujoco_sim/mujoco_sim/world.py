@@ -311,8 +311,8 @@ class Physics:
             mujoco.set_mju_user_warning(_warn)
         try:
             with warnings.catch_warnings():
-                # MuJoCo has printed it: Python would again, with a line of our source.
-                warnings.filterwarnings('ignore', 'Attach conflict')
+                # They have been said: Python would again, with a line of our source.
+                warnings.filterwarnings('ignore', "Attach conflict|.*'world/")
                 self.model = spec.compile()
         except ValueError as error:
             raise SimulationError(f'MuJoCo: {one_line(error)}') from None

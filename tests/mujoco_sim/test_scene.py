@@ -1,4 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
+import os
+
+from cases import for_all
 import mujoco
 from mujoco_sim.parameters import BoxSize
 from mujoco_sim.scene import ROOM_SIZE, WALL_HEIGHT
@@ -125,6 +128,21 @@ def test_options_of_a_model_file_that_do_not_count_are_told_once(loaded, tmp_pat
     assert capfd.readouterr().err.count('Attach conflict') == 1
 
 
+CLOTH = '<flexcomp name="c" type="grid" count="4 4 1" spacing=".2 .2 .2" radius=".01" dim="2"/>'
+
+
+@pytest.mark.filterwarnings('error')
+def test_what_mujoco_thinks_of_a_model_file_is_said_once_in_a_line(loaded, tmp_path, caplog):
+    path = tmp_path / 'hall.xml'
+    odd = f'<compiler settotalmass="100"/><worldbody>{CLOTH}'
+    path.write_text(MJCF.replace('<worldbody>', odd))
+    build_world(loaded, str(path))
+    cloth, mass = sorted(caplog.messages, reverse=True)
+    assert cloth.startswith(f"{path}: flex 'c' is not rigid")
+    assert mass.startswith(f"{path}: compiler attribute 'settotalmass' is deprecated")
+    assert '\n' not in cloth
+
+
 def test_what_a_model_file_lacks_is_said_with_its_name(loaded, tmp_path):
     path = tmp_path / 'hall.xml'
     path.write_text('<mujoco><asset><mesh name="a" file="nowhere.stl"/></asset></mujoco>')
@@ -145,6 +163,22 @@ def test_a_file_that_is_no_model_is_one_line(loaded, tmp_path):
     assert '\n' not in str(caught.value)
 
 
+@for_all(
+    ('body', 'why'),
+    [
+        (3000 * '<body>' + 3000 * '</body>', 'hall.xml: is nested too deep'),
+        ('<include file="pipe.xml"/>', 'pipe.xml: is no file'),
+        ('<include file="/dev/zero"/>', '/dev/zero: is no file'),
+    ],
+)
+def test_a_world_that_mujoco_would_never_have_read_is_refused(loaded, tmp_path, body, why):
+    os.mkfifo(tmp_path / 'pipe.xml')
+    path = tmp_path / 'hall.xml'
+    path.write_text(f'<mujoco><worldbody>{body}</worldbody></mujoco>')
+    with pytest.raises(SimulationError, match=f'{why}$'):
+        build_world(loaded, str(path))
+
+
 REPLICATED = '<replicate count="1000" offset="1 0 0">'
 
 
@@ -154,8 +188,8 @@ def test_a_world_that_makes_endless_copies_is_refused_at_once(loaded, tmp_path, 
     if includes:
         (tmp_path / 'part.xml').write_text(f'<mujoco><worldbody>{body}</worldbody></mujoco>')
         body = ''
-    include = '<include file="part.xml"/><include file="/dev/zero"/>' * includes
+    include = '<include file="part.xml"/>' * includes
     world = tmp_path / 'world.xml'
     world.write_text(f'<mujoco>{include}<worldbody>{body}</worldbody></mujoco>')
-    with pytest.raises(SimulationError, match='wanted at most 100000 copies, got 100000000'):
+    with pytest.raises(SimulationError, match='at most 100000 elements and copies, got 100000000'):
         build_world(loaded, str(world))
