@@ -233,3 +233,17 @@ def test_one_that_leans_on_a_leg_as_it_lies_folds_first_and_stands():
     dog.run(4.0)
     assert dog.state == 'fixed stand'
     assert dog.truth.position[2] > 0.3
+
+
+def test_a_push_off_the_centre_does_not_tip_the_balance_test_over():
+    robot = Go2('flat', 5)
+    robot.press('2')
+    robot.run(2.5)
+    robot.press('0')
+    robot.run(0.4)
+    robot.push((30.0, 110.0, 0.0), 0.15, (-0.2, 0.0, 0.1))
+    for _ in range(12):
+        robot.run(0.1)
+        _, x, y, _ = robot.truth.orientation
+        assert 1.0 - 2.0 * (x * x + y * y) > math.cos(math.radians(20.0))
+    assert robot.state == 'balance test'

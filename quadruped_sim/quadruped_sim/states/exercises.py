@@ -16,11 +16,13 @@ from wasd_core.rotations import yaw_matrix
 
 from quadruped_sim.leg_kinematics import FR
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.driving import approach, OnFeet, smooth
+from quadruped_sim.states.driving import approach, is_up, OnFeet, smooth
 from quadruped_sim.states.support import corners_of, nearest_inside, room_inside
 
 # The centre of mass stays so far inside the edges between four feet [m].
 BALANCE_MARGIN = 0.06
+# It steps if a foot has lifted off and it rolls or pitches so fast [rad/s].
+TURNED_OFF = 1.0
 # x, y, z [m] and yaw [rad] of the base at full stick, and how fast it follows, per second.
 BALANCE_FULL = np.array((0.05, 0.05, 0.04, math.radians(20.0)))
 BALANCE_RATE = np.array((0.1, 0.1, 0.08, 0.7))
@@ -101,6 +103,13 @@ class BalanceTest(Exercise):
 
     ly moves forward, lx right, ry up, rx turns right.
     """
+
+    def _tips(self, robot: RobotState) -> bool:
+        # One that turns off a foot is tipped over by what its forces do against a push.
+        rate = math.hypot(*robot.base.omega[:2].tolist())
+        turns = rate > TURNED_OFF * self._parts.model.scale.of('1/s')
+        lifts = turns and not robot.is_contact.all() and is_up(self._parts.model, robot)
+        return lifts or super()._tips(robot)
 
     def _prepare(self, robot: RobotState) -> None:
         self._now, self._centre = np.zeros(4), self._over
