@@ -376,7 +376,7 @@ class LegController:
             return damping_command(self.model.scale, np.zeros(12))
         try:
             return self._answer(good, dt, truth)
-        except (ArithmeticError, ValueError) as error:
+        except (ArithmeticError, TypeError, ValueError) as error:
             return self._recover(good, f'the controller broke: {error}')
 
     def _answer(self, good: Reading, dt: float, truth: BaseState | None) -> JointCommand:

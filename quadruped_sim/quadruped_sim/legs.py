@@ -166,7 +166,7 @@ class Legs:
 
     def centre_sticks(self) -> bool:
         """Centre the sticks; return whether they were off the centre."""
-        were_held = self.controller.sticks.values != StickValues()
+        were_held = self.controller.sticks.pressed != StickValues()
         self.controller.sticks.zero()
         return were_held
 

@@ -239,6 +239,14 @@ def test_a_wheel_is_as_large_as_its_tyre_wherever_the_file_has_its_hub(tag):
         assert find_wheels(robot(text)).wheel_radius == 0.06
 
 
+def test_a_wheel_that_is_only_drawn_is_larger_than_the_hub_that_collides():
+    left, right, small = wheel('l', 0.2), wheel('r', -0.2), wheel('l', 0.2, radius=0.02)
+    drawn = left.replace('collision', 'visual')
+    hub = small[: small.index('<joint')].replace('"l"', '"hub"')
+    weld = '<joint name="weld"><parent link="l"/><child link="hub"/></joint>'
+    assert find_wheels(robot(drawn + hub + weld + right)).wheel_radius == 0.06
+
+
 def test_wheels_may_be_balls():
     ball = [
         wheel(name, y).replace('cylinder radius="0.06" length="0.02"', 'sphere radius="0.05"')

@@ -98,8 +98,8 @@ def test_it_knows_where_it_is_and_when_its_feet_touch(walked: dict[str, Any]) ->
     assert ((touching > 0.4) & (touching < 0.75)).all()
 
 
-def walked_from_root(folder: Path, z: float) -> tuple[str, np.ndarray]:
-    """Return state and place (2,) [m] after a walk of a Go2 with a root `z` [m] below its base."""
+def with_root(folder: Path, z: float) -> wasd.Go2:
+    """Return a Go2 with a root `z` [m] below its base."""
     tree = ElementTree.fromstring(robot_named('go2').urdf)
     tree.append(ElementTree.fromstring('<link name="below"/>'))
     weld = '<joint name="weld" type="fixed"><parent link="below"/><child link="base"/></joint>'
@@ -108,7 +108,12 @@ def walked_from_root(folder: Path, z: float) -> tuple[str, np.ndarray]:
     tree.append(joint)
     file = folder / 'go2.urdf'
     file.write_text(ElementTree.tostring(tree, encoding='unicode'))
-    dog = wasd.Go2(description=str(file), seed=1)
+    return wasd.Go2(description=str(file), seed=1)
+
+
+def walked_from_root(folder: Path, z: float) -> tuple[str, np.ndarray]:
+    """Return state and place (2,) [m] after a walk of that robot."""
+    dog = with_root(folder, z)
     dog.press('2')
     dog.run(0.02)
     dog.press('5')
@@ -127,3 +132,11 @@ def test_it_walks_alike_wherever_its_root_is(tmp_path: Path) -> None:
         other, end = walked_from_root(tmp_path, z)
         assert other == state
         np.testing.assert_allclose(end, place, atol=2e-3)
+
+
+def test_it_jumps_where_its_root_is_in_the_ground(tmp_path: Path) -> None:
+    dog = with_root(tmp_path, 0.45)
+    for key, seconds in (('2', 2.2), ('v', 2.5)):
+        dog.press(key)
+        dog.run(seconds)
+    assert dog.state == 'fixed stand'

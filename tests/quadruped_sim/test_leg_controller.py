@@ -518,6 +518,20 @@ def test_a_policy_begins_in_the_pose_that_its_reset_chooses(model, walker, run, 
     )
 
 
+def test_a_policy_whose_reset_chooses_a_pose_of_no_robot_ends_passive(
+    model, walker, run, monkeypatch
+):
+    monkeypatch.setattr(walker, 'default', walker.default)
+    monkeypatch.setattr(walker, 'reset', lambda: setattr(walker, 'default', np.zeros(13)))
+    controller = LegController(model, estimator='truth', walker=walker)
+    run(controller, 2)
+    for key in '2p':
+        controller.press(key)
+        run(controller, 3)
+    assert controller.state == 'passive'
+    assert 'policy: default: got shape (13,)' in controller.event
+
+
 @for_all('default', [np.zeros(3), np.zeros(13), np.full(12, np.nan), ['x'] * 12, None])
 def test_a_policy_whose_pose_is_none_of_this_robot_is_refused(model, walker, monkeypatch, default):
     monkeypatch.setattr(walker, 'default', default)

@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 from policy_player.joint_controller import State
 import pytest
-from quadruped_sim.keys import STATE_KEYS, StateName, ZERO_KEYS
+from quadruped_sim.keys import STATE_KEYS, StateName, StickValues, ZERO_KEYS
 from wasd_bringup.page.bridge import CockpitBridge, SNAPSHOT_EVERY
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.drivers import SILENCE
@@ -82,6 +82,20 @@ def test_a_stick_over_a_go2_on_its_feet_presses_each_key_once(run_of):
     for _ in range(5):
         run.look(Stick(0.5, -0.3, 0.2))
     assert sorted(run.heard[0]) == sorted(10 * ['w'] + 6 * ['d'] + 4 * ['j'])
+
+
+def test_a_stick_let_go_before_its_state_is_entered_moves_nothing(run_of):
+    run = run_of('go2', 'unitree')
+    simulation, sticks = run.session.simulation, run.session.robot.legs.controller.sticks
+    run.session.press('2')
+    simulation.advance(20)
+    run.session.press('4')  # it trots after two steps more, as while time stands still
+    for _ in range(3):
+        run.look(Stick(0.5, 0.0, 0.0))
+    assert run.heard[0].count('w') == 10
+    run.look()
+    simulation.advance(20)
+    assert sticks.values == StickValues()
 
 
 def test_each_key_of_a_state_is_named_as_on_the_keyboard_and_does_so_when_clicked(run_of):

@@ -142,14 +142,14 @@ def test_what_is_seen_where_nothing_was_known_speaks_against_no_pose() -> None:
         canvas.draw(scan, surface, np.zeros(3))
     other = np.array(((0.5, 0.1, -1.0, 0.0, 0.012), (9.0, 9.0, -1.0, 0.0, 0.012)))
     points = np.concatenate((surface.points, other))
-    fits, new = count_fitting(local, points, np.zeros(3), 0.012, *canvas.odds)
+    fits, new, _ = count_fitting(local, points, np.zeros(3), 0.012, *canvas.odds)
     assert fits >= 0.97 * len(surface.points)
     assert len(points) - new - fits <= 0.03 * len(surface.points) + 1
     alone = count_fitting(local, other[:1], np.zeros(3), 0.012, *canvas.odds)
     behind = count_fitting(local, other[1:], np.zeros(3), 0.012, *canvas.odds)
     nothing = Canvas(0.05).odds
     beyond = count_fitting(local, other[1:], np.zeros(3), 0.012, *nothing)
-    assert (alone, behind, beyond) == ((0, 0), (0, 0), (0, 1))
+    assert (alone, behind, beyond) == ((0, 0, 0), (0, 0, 1), (0, 1, 0))
 
 
 def test_a_canvas_grows_and_keeps_what_it_has() -> None:

@@ -99,7 +99,9 @@ class Jump(OnFeet):
             self._begin(Stage.LAND, robot)
         if self._stage is Stage.CROUCH:
             share = smooth(self._time / (CROUCH_TIME * self._scale('s')))
-            crouched = _pose(self._parts.model, CROUCHED, self._ahead() + float(robot.com[0]))
+            model = self._parts.model
+            ahead = self._ahead() + float(robot.com[0] - model.hips[0])
+            crouched = _pose(model, CROUCHED, ahead)
             position = self._start + share * (crouched - self._start)
             return stiff_command(self._parts.model, position)
         if self._stage is Stage.PUSH:
@@ -190,6 +192,7 @@ class Jump(OnFeet):
             self.trust = np.clip(felt, 0.0, 1.0)
         middle = robot.feet.mean(axis=0)
         middle[2] = float(robot.feet[:, 2].min()) + LANDED * self._scale('m')
+        middle -= yaw_matrix(self._yaw) @ self._parts.model.hips
         rpy, rest = np.array((0.0, 0.0, self._yaw)), np.zeros(3)
         acceleration = self._feedback(_LAND_GAINS, robot, middle, rest, rpy, rest)
         return self._by_all(robot, acceleration)

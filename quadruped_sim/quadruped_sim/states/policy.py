@@ -153,7 +153,10 @@ class Policy(AfterTrot, Trotting):
             self._parts.command_filter.reset()
             self._parts.locomotion.reset(robot)
         self._walker.reset()  # which may choose the pose
-        self._default = self._sign * np.asarray(self._walker.default)[self._ours] + self._zero
+        pose = np.asarray(self._walker.default, float)
+        if pose.shape != self._ours.shape:
+            raise ValueError(f'policy: default: got shape {pose.shape}, wanted {self._ours.shape}')
+        self._default = self._sign * pose[self._ours] + self._zero
         self._held: JointCommand | None = None
         self._waited = 0.0  # since the walker's last step [s]
         self._used_sticks = False

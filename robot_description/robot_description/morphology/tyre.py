@@ -47,21 +47,24 @@ def find_tyre(robot: Robot, joint: Joint, radius: float) -> Tyre | str:
     """
     Return what of a joint's links is round about its axis, or why nothing is.
 
-    The largest of what collides, as a hub may have its own shape; else of what is drawn.
+    The largest of what collides, as a hub may have its own shape, and of a wheel that is only
+    drawn; where nothing collides, of all that is drawn.
     """
-    why = 'has no shape'
-    for collides in (True, False):
+    why, parts = 'has no shape', carried(robot, joint.child)
+    for collides in (any(link.collisions for link, _ in parts), False):
         tyres = []
-        for link, pose in carried(robot, joint.child):
-            for shape in link.collisions if collides else link.visuals:
+        for link, pose in parts:
+            is_wheel = link.name == joint.child
+            is_drawn = not collides or (is_wheel and not link.collisions)
+            for shape in link.visuals if is_drawn else link.collisions:
                 tyre = _measure(robot, joint.axis, shape, pose @ shape.pose)
                 if isinstance(tyre, str):
                     why = tyre
                 elif tyre.radius <= 0.0:
                     why = f'has a {shape.kind} without a radius'
                 else:
-                    own = link.name == joint.child and collides
-                    tyres.append(tyre._replace(is_exact=tyre.is_exact and own))
+                    own = tyre.is_exact and is_wheel and not is_drawn
+                    tyres.append(tyre._replace(is_exact=own))
         if tyres:
             return max(tyres, key=lambda tyre: (tyre.radius, tyre.is_exact))
     return Tyre(np.zeros(3), radius, USUAL_WIDTH, is_exact=False) if radius else why

@@ -102,7 +102,7 @@ class LegsView(RobotView):
             return None
         if not self._controller.takes_sticks:
             return ()  # they would be asked for again and again, and never get there
-        now = self._controller.sticks.values
+        now = self._controller.sticks.pressed
         if stick == Stick():
             return () if now == StickValues() else (ZERO_KEYS[0],)
         wanted = {'ly': stick.forward, 'lx': -stick.left, 'rx': -stick.turn}

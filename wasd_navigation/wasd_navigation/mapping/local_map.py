@@ -371,14 +371,15 @@ def count_fitting(
     noise: float,
     odds: np.ndarray,
     frame: tuple[float, int, int],
-) -> tuple[int, int]:
+) -> tuple[int, int, int]:
     """
-    Return how many points fit at a pose, and how many others the map does not contradict.
+    Return how many points fit at a pose, and how many others are where nothing is known.
 
-    It does where all is free, and behind what is occupied: nothing is seen through a wall.
+    And how many of those are behind what is occupied: seen through a wall, or through a door that
+    was opened.
     `odds` are those of cells, 0 where nothing is known; `frame` is as of `Canvas.odds`.
     """
-    fits, new = 0, 0
+    fits = new = behind = 0
     out = np.zeros((3, 3)), np.zeros(3)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for index in range(surface.shape[0]):
@@ -394,8 +395,10 @@ def count_fitting(
             for c in range(column - 1, column + 2):
                 inside = 0 <= r < odds.shape[0] and 0 <= c < odds.shape[1]
                 is_new = is_new or not inside or odds[r, c] >= 0.0
-        new += is_new and not _is_behind(x, y, pose, odds, frame)
-    return fits, new
+        if is_new:
+            is_behind = _is_behind(x, y, pose, odds, frame)
+            behind, new = behind + is_behind, new + (not is_behind)
+    return fits, new, behind
 
 
 @jit

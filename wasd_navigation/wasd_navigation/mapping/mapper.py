@@ -255,7 +255,12 @@ class Mapper:
         """Whether a scan fits the known part of the map; its other points do not count."""
         points = surface.points
         least = self._parameters.range_noise
-        fits, new = count_fitting(self._local, points, fit.pose, least, *self._drawing.odds)
+        counts = count_fitting(self._local, points, fit.pose, least, *self._drawing.odds)
+        fits, new, behind = counts
+        in_free_space = len(points) / self._left_in - sum(counts)
+        # Through a door that was opened much is new, but little is where all was free.
+        if 2.0 * in_free_space < behind:
+            new += behind
         return fits >= FEWEST_OF_NEW and fits >= LEAST_SHARE * (len(points) - new)
 
     def _seek(self, scan: Scan, surface: Surface, move: np.ndarray) -> None:
