@@ -114,6 +114,7 @@ class SimulatorNode(Node):
         offer(self, '~/reset', self._on_reset)
         offer(self, '~/pause', self._on_pause, sets=True)
         offer(self, '~/step', self._on_step)
+        self._rivals: list[str] = []  # who commands the motors
         self._hoist: Hoist | None = None
         if simulation is None:
             self._take_commands()
@@ -156,13 +157,14 @@ class SimulatorNode(Node):
             schedule.every(schedule.stride * self._world.time_step, self.sensors.step)
 
     def each_second(self) -> None:
-        """Publish diagnostics, and say once that several nodes command the motors."""
+        """Publish diagnostics, and say that several nodes command the motors, once of each set."""
         self.publish_diagnostics(self.state)
         ends = self.get_publishers_info_by_topic('joint_commands')
-        if len(ends) > 1:
-            names = ', '.join(sorted(end.node_name for end in ends))
+        before, self._rivals = self._rivals, sorted(end.node_name for end in ends)
+        if len(ends) > 1 and self._rivals != before:
             self.get_logger().warning(
-                f'joint_commands comes from {names}: let one of them command the motors', once=True
+                f'joint_commands comes from {", ".join(self._rivals)}: let one of them command '
+                'the motors (a node that was killed counts for 20 s)'
             )
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:

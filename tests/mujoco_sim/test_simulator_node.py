@@ -356,6 +356,10 @@ def test_that_two_controllers_command_the_motors_is_said_once(
     simulator.each_second()
     simulator.each_second()
     assert capfd.readouterr().err.count('joint_commands comes from peer, rival: ') == 1
+    spawn(Node('another')).create_publisher(JointTrajectory, 'joint_commands', 10)
+    spin_until(spawn.pump, lambda: simulator.count_publishers('joint_commands') == 3)
+    simulator.each_second()
+    assert capfd.readouterr().err.count('joint_commands comes from another, peer, rival: ') == 1
 
 
 def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_until):

@@ -322,3 +322,30 @@ def test_subscriptions_come_in_their_order(inbox, client):
     inbox.on_unsubscribe(client, channel)
     assert list(inbox.subscriptions()) == [('/odom', 1, True), ('/odom', 1, False)]
     assert list(inbox.subscriptions()) == []
+
+
+def test_an_e_stop_ends_what_another_client_said_before_it(inbox, robots):
+    driver, other = (Client(inbox, number) for number in (1, 2))
+    driver.advertise('/mbot/cmd_vel')
+    other.advertise('/mbot/keys')
+    inbox.step(STEP)
+    robots[1].heeds_e_stop = lambda key, by: key == 'ESC' and robots[1].disarm() is None
+    other.key('x')
+    driver.drive(FAST)
+    other.key('ESC')
+    driver.drive(FAST)
+    inbox.step(STEP)
+    assert robots[1].velocities == [FAST, STOP]
+
+
+def test_clients_that_are_gone_drive_no_longer_however_many_they_were(inbox, robots):
+    clients = [Client(inbox, number).advertise('/mbot/cmd_vel') for number in range(1, 11)]
+    for _ in range(LONGEST_QUEUE):
+        for client in clients:
+            client.drive(FAST)
+    for client in clients:
+        client.leave()
+    pass_time(inbox, 2.0 * STEP * LONGEST_QUEUE / AT_ONCE)
+    robots[1].velocities.clear()
+    pass_time(inbox, 1.0)
+    assert robots[1].velocities == []

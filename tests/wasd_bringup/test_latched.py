@@ -323,15 +323,17 @@ def test_a_key_refused_since_a_stop_tells_how_it_counts_again():
     run.press('i')
     run.robot.take_topic('keys', key='i')
     run.press('ESC')
-    for press in (
-        lambda: run.press('i'),
-        lambda: run.press('HELD+i'),
-        lambda: run.robot.take_topic('keys', key='i'),
+    for press, how_long in (
+        (lambda: run.press('i'), f' for {SILENCE:g} s'),
+        (lambda: run.robot.take_topic('keys', key='i'), f' for {SILENCE:g} s'),
+        (lambda: run.press('HELD+i'), ''),  # its release is told
     ):
         run.robot.notice.say(None)
         assert not press()
-        words = run.robot.status().message
-        assert words == f'let go of i for {SILENCE:g} s (refused since a stop)'
+        assert run.robot.status().message == f'let go of i{how_long} (refused since a stop)'
+    run.press('RELEASE+i')
+    run.press('HELD+i')
+    assert 'let go' not in run.robot.status().message
     run.close()
 
 

@@ -464,6 +464,9 @@ def test_a_cure_is_shown_until_it_is_applied(session_of):
     assert shown() == ended(session) == ('refused', 'ENTER releases E-STOP (by the page)')
     session.end_e_stop()
     assert shown() == ('idle', '')
+    session.e_stop('page')  # a later stop is not about that goal
+    assert shown() == ('idle', '')
+    session.end_e_stop()
     navigates.go(GOAL)
     navigates.disarm()
     assert shown() == ended(session) == ('cancelled', 'stopped by hand')

@@ -3,9 +3,12 @@ import math
 import time
 
 from geometry_msgs.msg import Twist
+import numpy as np
 import pytest
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
 from wasd_core.topics import EVENTS, LoopbackSubscription
+from wasd_core.velocity_messages import to_twist
 
 from wasd_core import topics as topics_module
 
@@ -183,3 +186,8 @@ def test_echoes_that_are_lost_are_not_waited_for_longer(impatient, spawn, spin_u
         impatient.take(0.1 * speed)  # lost
     impatient.send(-0.5)
     spin_until(spawn.pump, lambda: not impatient.subscription._pending)
+
+
+def test_a_velocity_of_any_numbers_has_the_text_of_its_echo():
+    message = to_twist(1, np.float64(0.3), np.float32(0.3), True)
+    assert repr(deserialize_message(serialize_message(message), Twist)) == repr(message)

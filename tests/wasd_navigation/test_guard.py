@@ -230,7 +230,7 @@ def test_what_no_robot_can_do_is_refused_without_looking_ahead(odd: float) -> No
         asked[axis] = odd
         guarded = after_a_period(guard, asked, at())
         assert (guarded.velocity == 0.0).all()
-        assert guarded.why == 'the command is not within 100 m/s and rad/s'
+        assert guarded.why == 'the command is not within 20 m/s and rad/s'
 
 
 def test_off_it_does_nothing() -> None:
@@ -355,3 +355,11 @@ def test_what_is_known_stays_in_its_place_when_odometry_is_set_again(after) -> N
     assert 0.0 < slowed[0] < 0.4
     guard.take_leap(np.array(before), np.array(after))
     assert guard.step(asked, at(after)).velocity == pytest.approx(slowed, abs=1e-6)
+
+
+@for_all('odd', [math.nan, math.inf, 1e300, -1e9, 101.0])
+def test_odometry_that_no_robot_can_have_stops_it_without_looking_ahead(odd: float) -> None:
+    guard = guard_of(wall(3.0))
+    guarded = after_a_period(guard, np.array((0.3, 0.0, 0.0)), at(velocity=(odd, 0.0, 0.0)))
+    assert (guarded.velocity == 0.0).all()
+    assert guarded.why == 'odometry is not within 20 m/s and rad/s'

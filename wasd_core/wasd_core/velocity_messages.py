@@ -16,7 +16,9 @@ VELOCITY_TYPES: dict[str, type[Any]] = {
 def to_twist(vx: float, vy: float, vz: float, wz: float) -> Twist:
     """Return a velocity [m/s], [rad/s] as a message; rolling and pitching are zero."""
     message = Twist()
-    message.linear.x, message.linear.y, message.linear.z, message.angular.z = vx, vy, vz, wz
+    # As they come back: an echo is known by its text.
+    message.linear.x, message.linear.y, message.linear.z = float(vx), float(vy), float(vz)
+    message.angular.z = float(wz)
     return message
 
 

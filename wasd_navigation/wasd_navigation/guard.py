@@ -33,7 +33,7 @@ OWN = 0.05
 # A motion is tested in steps that move no part of the footprint farther than this [m].
 STRIDE = 0.02
 # No robot is faster [m/s], [rad/s]: looking ahead would take for ever.
-FASTEST = 100.0
+FASTEST = 20.0
 # Slower is standing [m/s or rad/s]; and less than this is no nearer [m].
 REST, NO_NEARER = 1e-3, 1e-6
 # A robot that cannot stop in time goes on no faster than this [m/s].
@@ -172,8 +172,10 @@ class Guard:
             age = self._sighted.age
             silence = f'silent for {age:.1f} s' if math.isfinite(age) else 'silent'
             return Guarded(still, 'stop', f'the lidar is {silence}')
-        if odometry is None or not np.isfinite(np.append(*odometry[:2])).all():
+        if odometry is None or not np.isfinite(odometry.pose).all():
             return Guarded(still, 'stop', 'odometry is silent')
+        if not (np.abs(odometry.velocity) <= FASTEST).all():
+            return Guarded(still, 'stop', f'odometry is not within {FASTEST:g} m/s and rad/s')
         return self._clear(asked, odometry)
 
     def _clear(self, asked: np.ndarray, odometry: Odometry) -> Guarded:

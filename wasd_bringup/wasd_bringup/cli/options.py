@@ -639,6 +639,8 @@ def _untold(make: Callable[[], Any]) -> Any:
         return make()
     except UserError as error:
         name, rest = str(error).split(' ', 1)
+        # No option is None.
+        rest = rest.removesuffix(' or None')
         raise UserError(f'--{name.replace("_", "-")} {rest}') from None
 
 

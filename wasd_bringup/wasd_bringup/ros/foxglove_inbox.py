@@ -3,6 +3,8 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+import itertools
+from operator import itemgetter
 import queue
 import threading
 from typing import Any, NamedTuple
@@ -17,7 +19,7 @@ SILENCE = 0.5
 # Messages that come within this time after a pause of this process, or after `disarm`, are from
 # before it [s].
 AFTERMATH = 0.25
-# Messages taken at a look of all clients, and kept of each one, at most; and bytes of one.
+# Messages of all clients taken at a look, and kept between two looks, at most; and bytes of one.
 AT_ONCE = 200
 LONGEST_QUEUE = 2000
 LARGEST = 65536
@@ -29,6 +31,15 @@ class Sender(NamedTuple):
     topic: str
     encoding: str
     schema: str
+
+
+class _Event(NamedTuple):
+    """What a client says of a channel: its number in all that is said, and what."""
+
+    number: int
+    client: int
+    channel: int
+    what: Sender | bytes | None
 
 
 class Target(NamedTuple):
@@ -107,8 +118,9 @@ class Inbox:
         self._read_velocity, self._read_key = read_velocity, read_key
         self._targets: Sequence[Target] = ()
         self._clients: dict[int, _Client] = {}
-        # By clients: what each says waits on its own, with the channel.
-        self._events: dict[int, deque[tuple[int, Sender | bytes | None]]] = {}
+        # By clients: what each says waits on its own.
+        self._events: dict[int, deque[_Event]] = {}
+        self._numbers = itertools.count()
         self._lock = threading.Lock()
         self._subscriptions: queue.SimpleQueue[tuple[str, int, bool]] = queue.SimpleQueue()
         self._deaf = 0.0
@@ -138,8 +150,8 @@ class Inbox:
     def _put(self, client_id: int, channel: int, what: Sender | bytes | None) -> None:
         with self._lock:
             events = self._events.setdefault(client_id, deque())
-            if not isinstance(what, bytes) or len(events) < LONGEST_QUEUE:
-                events.append((channel, what))
+            if not isinstance(what, bytes) or len(events) < LONGEST_QUEUE // len(self._events):
+                events.append(_Event(next(self._numbers), client_id, channel, what))
 
     def receive_for(self, targets: Sequence[Target]) -> None:
         """Set the robots that clients drive; before that no message counts."""
@@ -158,7 +170,7 @@ class Inbox:
         refused: list[str] = []
         for event in self._next():
             try:
-                self._take(*event)
+                self._take(*event[1:])
             except UserError as error:
                 refused.append(str(error))
         return refused[-1:]
@@ -172,17 +184,17 @@ class Inbox:
         for client in self._clients.values():
             client.stop()
 
-    def _next(self) -> list[tuple[int, int, Sender | bytes | None]]:
-        """Return what is heard at a look: as much of each client, so that none drowns others."""
+    def _next(self) -> list[_Event]:
+        """Return what is heard at a look, as it came: as much of each, for none drowns others."""
         with self._lock:
             share = max(AT_ONCE // max(len(self._events), 1), 1)
             taken = [
-                (client_id, *events.popleft())
-                for client_id, events in self._events.items()
+                events.popleft()
+                for events in self._events.values()
                 for _ in range(min(len(events), share))
             ]
             self._events = {number: events for number, events in self._events.items() if events}
-        return taken
+        return sorted(taken, key=itemgetter(0))  # an e-stop ends what was said before it
 
     def _take(self, client_id: int, channel: int, what: Sender | bytes | None) -> None:
         client = self._clients.setdefault(client_id, _Client(client_id, self._targets))

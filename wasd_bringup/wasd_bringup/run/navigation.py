@@ -58,6 +58,7 @@ class NavigationDriver:
         self._page_explorer: Explorer | None = None  # that the page has asked for
         self._ended: list[dict[str, Any]] = []
         self._cure = ''  # what the robot refused the last goal with
+        self._is_cured = False
         # Revisions of map and ground, time, number and map.
         self._pictured: tuple[tuple[int, int], float, int, Grid] | None = None
         self.on_step: list[Callable[[float, float], None]] = []
@@ -190,7 +191,8 @@ class NavigationDriver:
             self._pictured = revision, now, next(_NUMBERS), grid
         _, _, number, grid = self._pictured
         goal, state, reason = navigator.goal, navigator.state, navigator.reason
-        if reason and reason == self._cure != self.robot.refusal:  # it was applied
+        self._is_cured = self._is_cured or self._cure != self.robot.refusal
+        if reason and reason == self._cure and self._is_cured:
             state, reason = 'idle', ''
         return Navigation(
             number=number,
@@ -270,6 +272,7 @@ class NavigationDriver:
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
         self._cure = outcome.reason if outcome.reason == self.robot.refusal else ''
+        self._is_cured = False
         self.robot.mute(False)
         self._record(self.navigator.last_goal.tolist(), outcome, self.navigator.elapsed)
 

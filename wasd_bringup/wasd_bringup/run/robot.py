@@ -23,7 +23,7 @@ from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
-from wasd_core.timing import Notice, split_event, STOP_KEY
+from wasd_core.timing import HELD, Notice, split_event, STOP_KEY
 
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST, SILENCE
@@ -38,7 +38,8 @@ FullVelocity = tuple[float, float, float, float]
 STANDSTILL = (0.0, 0.0, 0.0)
 # The sender may not know that the robot was stopped.
 REFUSED = 'stop the publisher of {}, or send a zero (refused since E-STOP)'
-LET_GO = 'let go of {} for {:g} s (refused since a stop)'
+SINCE_STOP = '(refused since a stop)'
+LET_GO = 'let go of {}{} ' + SINCE_STOP
 HOLDS = 'ENTER releases E-STOP (by the {})'
 # Zeros that end it all are told so often: one may be lost.
 LAST_ZEROS = 3
@@ -64,7 +65,9 @@ def axes_of(
 
 def _let_go(key: str) -> str:
     """Return how a key counts again that was held at a stop, or has been tapped since."""
-    return LET_GO.format(script_word(split_event(key)[1]), SILENCE)
+    event, name = split_event(key)
+    # Of a key that is told to be down the release is told, too.
+    return LET_GO.format(script_word(name), '' if event == HELD else f' for {SILENCE:g} s')
 
 
 class Robot(ABC):
@@ -251,6 +254,8 @@ class Robot(ABC):
                 self.say(_let_go(key))
             self.say_if_stopped()
             return False
+        if self.notice.text.endswith(SINCE_STOP):
+            self.notice.say(None)  # it counts again, or is released
         self._obey(key, is_pressed=by not in (E_STOP, LOST))
         return True
 
