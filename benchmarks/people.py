@@ -22,7 +22,7 @@ from wasd_navigation.planning.distances import measure_distances
 from wasd_navigation.planning.goal_field import ways_from
 from wasd_navigation.records import OCCUPIED
 
-FIRST_SEED = 7700  # 7616 was looked at
+FIRST_SEED = 7800  # some of the hundred before were looked at
 HALF = (0.12, 0.22)  # of a person, along the walk and across [m]
 WALKING, CROSSING, HEAD_ON = 0.8, 0.6, 1.0  # [m/s]
 PEOPLE, GOALS = 3, 5

@@ -131,14 +131,17 @@ def scene(movers):
     ('movers', 'may_drive'),
     [
         (NOBODY, True),
-        (np.array([[0.95, 0.0, 0.0, 0.0, 0.25]]), True),  # he stands, there is room to stop
+        (np.array([[1.2, 0.0, 0.0, 0.0, 0.25]]), True),  # he stands, there is room to stop
+        (np.array([[0.95, 0.0, 0.0, 0.0, 0.25]]), False),  # not if he steps towards it
+        (np.array([[0.3, 0.7, 0.0, 0.0, 0.25]]), False),  # beside its way, too
         (np.array([[0.95, 0.0, -1.0, 0.0, 0.25]]), False),  # he comes
         (np.array([[0.95, 0.0, 1.0, 0.0, 0.25]]), True),  # he goes
         (np.array([[0.6, 0.75, 0.0, -1.0, 0.25]]), False),  # he crosses
         (np.array([[0.6, 2.5, 0.0, -1.0, 0.25]]), True),  # it stands before he is there
         (np.array([[0.3, 0.95, -0.8, -0.6, 0.25]]), False),  # he walks by, but may turn to it
         (np.array([[0.3, 0.95, -0.99, -0.1, 0.25]]), False),  # even by more than 60 degrees
-        (np.array([[0.3, 0.95, -0.9, 0.4, 0.25]]), True),  # he would have to turn back
+        (np.array([[0.3, 1.2, -0.9, 0.4, 0.25]]), True),  # he would have to turn back
+        (np.array([[0.3, 0.6, -0.9, 0.1, 0.25]]), False),  # so near he may
         (np.array([[-0.5, 0.0, -1.0, 0.0, 0.25]]), False),  # he has just gone by
         (np.array([[-0.5, 0.0, 0.0, 0.0, 0.25]]), True),  # he stands behind it
     ],
@@ -149,6 +152,26 @@ def test_a_robot_drives_only_where_it_can_stop_before_somebody_comes(movers, may
     asked = np.array((0.4, 0.0, 0.0))
     assert is_safe(state, asked, scene(movers), base, 0.15) == may_drive
     assert is_safe(0.0 * state, np.zeros(3), scene(movers), base, 0.0)
+
+
+def test_a_robot_that_is_slow_passes_who_stands():
+    base = base_of(DriveLimits())
+    state = np.array((0.0, 0.0, 0.0, 0.1, 0.0, 0.0))
+    stands = scene(np.array([[0.3, 0.6, 0.0, 0.0, 0.25]]))
+    before = scene(np.array([[0.48, 0.0, 0.0, 0.0, 0.25]]))
+    asked = np.array((0.1, 0.0, 0.0))
+    assert not is_safe(state, asked, stands, base, 0.15)
+    assert is_safe(state, asked, stands, base, 0.15, True)
+    assert not is_safe(state, 4.0 * asked, before, base, 0.15, True)
+
+
+def test_who_has_walked_up_to_the_robot_and_is_not_seen_is_still_there():
+    """A lidar does not see who stands against it: the robot moved while he walked over it."""
+    movers, at = watch((1.6, 0.0), (-1.0, 0.0), 1.1)
+    assert np.hypot(*at) < 0.55
+    movers.step(0.3)
+    (row,) = movers.now
+    assert row[:2] == pytest.approx(at, abs=0.2)
 
 
 def test_who_appears_near_is_taken_to_come_until_he_is_known():

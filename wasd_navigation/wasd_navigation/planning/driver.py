@@ -232,10 +232,10 @@ class Driver:
         assert route is not None
         scene = self._scene(route)
         for share in _SHARES:
-            if is_safe(state, share * asked, scene, self._base, _HOLD):
+            if is_safe(state, share * asked, scene, self._base, _HOLD, share == _SHARES[-1]):
                 return share * asked
         turn = asked * (0.0, 0.0, 1.0)
-        return turn if is_safe(state, turn, scene, self._base, _HOLD) else np.zeros(3)
+        return turn if is_safe(state, turn, scene, self._base, _HOLD, True) else np.zeros(3)
 
     def _scene(self, route: Route) -> Scene:
         assert route.values is not None

@@ -27,6 +27,9 @@ _SLOWEST, _SURELY, _SEEN, _LEFT = 0.25, 1.5, 3, 0.08
 # Who appears nearer than this, as around a corner, is taken to come, so fast [m], [m/s], until he
 # has been seen so often and is slow: what comes into view bit by bit seems to move.
 _APPEARS, _COMES, _KNOWN = 1.6, 1.0, 5
+# Who is not seen for so long, and was nearer than this, is hidden by the robot: he is taken to be
+# where he was seen last [s], [m].
+_HIDDEN, _AT_US = 0.2, 0.6
 # So long after somebody has moved people are about [s].
 _ABOUT = 10.0
 
@@ -36,12 +39,12 @@ class _Track:
     Somebody: place and velocity, shape (2,) [m], [m/s], and their covariance of one axis.
 
     `is_moving` is whether he surely moved when he was seen last, `since` how long ago he did [s];
-    `comes` whether he is taken to come, until he is known.
+    `comes` whether he is taken to come, until he is known; `met` is where he was seen last.
     """
 
     def __init__(self, place: np.ndarray, radius: float, comes: bool) -> None:
         self.place, self.velocity, self.radius = place, np.zeros(2), radius
-        self.stood, self.comes = place, comes
+        self.stood, self.comes, self.met = place, comes, place
         self.seen, self.unseen, self.is_moving = 1, 0.0, False
         self.since = math.inf
         self._cov = np.diag((_PLACE**2, _VELOCITY**2))
@@ -63,6 +66,7 @@ class _Track:
         self.velocity = self.velocity + gain[1] * error
         self._cov = self._cov - np.outer(gain, self._cov[0])
         self.radius += 0.3 * (radius - self.radius)
+        self.met = self.place
         self.seen, self.unseen = self.seen + 1, 0.0
         speed = math.hypot(*self.velocity)
         is_fast = speed > max(_SLOWEST, _SURELY * math.sqrt(self._cov[1, 1]))
@@ -103,7 +107,9 @@ class Movers:
         rows = []
         for one in self._tracks:
             if one.since < _ABOUT:
-                rows.append((*one.place, *one.velocity, one.radius))
+                is_hidden = one.unseen > _HIDDEN and math.dist(one.met, self._origin) < _AT_US
+                place = one.met if is_hidden else one.place
+                rows.append((*place, *one.velocity, one.radius))
             elif one.comes:
                 to = self._origin - one.place
                 comes = _COMES * to / max(math.hypot(*to), 1e-9)

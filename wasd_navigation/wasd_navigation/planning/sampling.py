@@ -36,6 +36,9 @@ _TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
 _NOT_TO_BLAME, _STANDING, _RIM = 0.2, 0.05, 0.3
 # It stands while somebody walks by so near [m]: he may turn on his heel.
 _BESIDE = 0.1
+# Who walks this near may turn on his heel [m]; who stands, but moved a short while ago, may step
+# towards the robot so fast [m/s], unless it leaves him: by the cosine between its way and his.
+_NEAR, _STEPS, _LEFT = 0.4, 0.6, 0.5
 # What is foreseen counts less by this share each second; so fast somebody may leave the line that
 # he walks on [m/s].
 _DOUBT, _TURNS = 0.2, 0.3
@@ -258,20 +261,27 @@ def _away(point: np.ndarray, state: np.ndarray) -> float:
 
 
 @fast
-def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time: float) -> bool:
+def is_safe(
+    state: np.ndarray,
+    asked: np.ndarray,
+    scene: Scene,
+    base: Base,
+    time: float,
+    is_slow: bool = False,
+) -> bool:
     """
     Whether the robot can ask for a velocity for a time [s] and then stop, and touch nothing.
 
     Where it is nearer to something than all motions keep, it may go away from it. Who moves is
-    taken to walk on, or to turn towards where the robot is now; once the robot stands, it is up
-    to him.
+    taken to walk on, or to turn towards where the robot is now; who stands, to step there, but
+    past him a robot that `is_slow` may drive. Once the robot stands, it is up to him.
     """
     for one in range(scene.movers.shape[0] if asked.any() else 0):
         walks = math.hypot(scene.movers[one, 2], scene.movers[one, 3]) > _TURNS
         him = scene.movers[one : one + 1]
         if walks and room_to_movers(him, scene.circles, state, 0.0) < _BESIDE:
             return False
-    turned = _turn_to(state, scene.movers)
+    turned = _turn_to(state, asked, scene, is_slow)
     state = state.copy()
     least = scene.keep[0]
     apart = min(room_to_movers(scene.movers, scene.circles, state, 0.0), least)
@@ -294,16 +304,26 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
 
 
 @fast
-def _turn_to(state: np.ndarray, movers: np.ndarray) -> np.ndarray:
-    """Return those who walk and may turn towards the robot, as if they did; see `Scene`."""
-    turned = movers.copy()
+def _turn_to(state: np.ndarray, asked: np.ndarray, scene: Scene, is_slow: bool) -> np.ndarray:
+    """Return those who may turn or step towards the robot, as if they did; see `Scene`."""
+    cos, sin = math.cos(state[2]), math.sin(state[2])
+    along_x, along_y = cos * asked[0] - sin * asked[1], sin * asked[0] + cos * asked[1]
+    turned = scene.movers.copy()
     found = 0
-    for one in range(movers.shape[0]):
-        x, y = state[0] - movers[one, 0], state[1] - movers[one, 1]
-        speed = math.hypot(movers[one, 2], movers[one, 3])
-        if speed > _TURNS and x * movers[one, 2] + y * movers[one, 3] > 0.0:
-            away = math.hypot(x, y)
-            turned[found] = movers[one]
+    for one in range(scene.movers.shape[0]):
+        him = scene.movers[one]
+        x, y = state[0] - him[0], state[1] - him[1]
+        away = max(math.hypot(x, y), 1e-9)
+        speed = math.hypot(him[2], him[3])
+        if speed > _TURNS:
+            near = room_to_movers(scene.movers[one : one + 1], scene.circles, state, 0.0) < _NEAR
+            may_turn = near or x * him[2] + y * him[3] > 0.0
+        else:
+            # Who stands behind it would have to run after it.
+            is_left = x * along_x + y * along_y > _LEFT * away * math.hypot(along_x, along_y)
+            speed, may_turn = _STEPS, not (is_slow or is_left)
+        if may_turn:
+            turned[found] = him
             turned[found, 2], turned[found, 3] = speed * x / away, speed * y / away
             found += 1
     return turned[:found]
