@@ -437,7 +437,8 @@ class Robot(ABC):
 
     def _follow(self, velocity: Velocity, up: float = 0.0, age: float = 0.0) -> None:
         """Command a velocity, and tell listeners."""
-        self.command(velocity, age)
+        # A controller of another kind may not ask how old a velocity is.
+        self.command(*((velocity, age) if age else (velocity,)))
         told = (velocity[0], velocity[1], up, velocity[2])
         for tell in self.on_velocity:
             tell(told)

@@ -257,9 +257,9 @@ class Mapper:
         least = self._parameters.range_noise
         counts = count_fitting(self._local, points, fit.pose, least, *self._drawing.odds)
         fits, new, behind = counts
-        in_free_space = len(points) / self._left_in - sum(counts)
+        in_free_space = len(points) - self._left_in * sum(counts)  # of what is left in
         # Through a door that was opened much is new, but little is where all was free.
-        if 2.0 * in_free_space < behind:
+        if 2.0 * in_free_space < self._left_in * behind:
             new += behind
         return fits >= FEWEST_OF_NEW and fits >= LEAST_SHARE * (len(points) - new)
 
