@@ -228,16 +228,11 @@ class Terminal(Source):
                 os.write(self._outlet, data)
 
     def _enter_raw_mode(self) -> None:
-        if self._saved is None:
-            self._saved = termios.tcgetattr(self._descriptor)
-        attributes = [*self._saved[:CONTROL_CHARACTERS], list(self._saved[CONTROL_CHARACTERS])]
-        # IXON and IEXTEN would swallow Ctrl-S, Ctrl-Q and Ctrl-V; ICRNL would hide what ENTER is.
-        attributes[INPUT_FLAGS] &= ~(termios.IXON | termios.ICRNL | termios.INLCR | termios.IGNCR)
-        attributes[LOCAL_FLAGS] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
-        attributes[CONTROL_CHARACTERS][termios.VMIN] = 0  # read_ready tells why
-        attributes[CONTROL_CHARACTERS][termios.VTIME] = 0
+        # Of one that hung up reading tells.
         with contextlib.suppress(termios.error, OSError):
-            self._set_attributes(attributes)
+            if self._saved is None:
+                self._saved = termios.tcgetattr(self._descriptor)
+            self._set_attributes(_raw_of(self._saved))
             self._raw = termios.tcgetattr(self._descriptor)
 
     def _install_handlers(self) -> None:
@@ -323,6 +318,17 @@ def tolerate_any_text() -> None:
     """Let standard output show what its encoding lacks as `?`, instead of failing."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors='replace')
+
+
+def _raw_of(saved: list[Any]) -> list[Any]:
+    """Return the attributes of raw mode of a terminal that has these."""
+    attributes = [*saved[:CONTROL_CHARACTERS], list(saved[CONTROL_CHARACTERS])]
+    # IXON and IEXTEN would swallow Ctrl-S, Ctrl-Q and Ctrl-V; ICRNL would hide what ENTER is.
+    attributes[INPUT_FLAGS] &= ~(termios.IXON | termios.ICRNL | termios.INLCR | termios.IGNCR)
+    attributes[LOCAL_FLAGS] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
+    attributes[CONTROL_CHARACTERS][termios.VMIN] = 0  # read_ready tells why
+    attributes[CONTROL_CHARACTERS][termios.VTIME] = 0
+    return attributes
 
 
 @contextlib.contextmanager

@@ -100,6 +100,20 @@ def test_unusual_attributes_come_back_bit_for_bit(terminal_pair):
     assert termios.tcgetattr(slave) == before
 
 
+def test_a_terminal_that_hangs_up_while_we_are_behind_is_at_its_end(terminal_pair, monkeypatch):
+    """Without a terminal nobody is behind: it looked as if the shell had put us in front."""
+    master, slave = terminal_pair
+    with monkeypatch.context() as behind:
+        behind.setattr('teleop_keyboard.terminal._is_foreground', lambda _: False)
+        terminal = Terminal(slave).__enter__()
+        terminal.notice_front()
+    os.close(master)
+    terminal.notice_front()
+    assert terminal.read() == b''
+    assert terminal.closed
+    terminal.__exit__()
+
+
 def test_the_context_leaves_no_signal_handler_behind(terminal_pair):
     watched = (signal.SIGTSTP, signal.SIGCONT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     before = [signal.getsignal(number) for number in watched]

@@ -437,8 +437,10 @@ class Robot(ABC):
 
     def _follow(self, velocity: Velocity, up: float = 0.0, age: float = 0.0) -> None:
         """Command a velocity, and tell listeners."""
-        # A controller of another kind may not ask how old a velocity is.
-        self.command(*((velocity, age) if age else (velocity,)))
+        if age:
+            self.command(velocity, age)
+        else:  # a controller of another kind may not ask for it
+            self.command(velocity)
         told = (velocity[0], velocity[1], up, velocity[2])
         for tell in self.on_velocity:
             tell(told)

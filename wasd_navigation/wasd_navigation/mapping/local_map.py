@@ -373,10 +373,10 @@ def count_fitting(
     frame: tuple[float, int, int],
 ) -> tuple[int, int, int]:
     """
-    Return how many points fit at a pose, and how many others are where nothing is known.
+    Return how many points fit at a pose, and of the others how many are where nothing is known.
 
-    And how many of those are behind what is occupied: seen through a wall, or through a door that
-    was opened.
+    First of these those in sight, then those behind what is occupied: seen through a wall, or
+    through a door that was opened.
     `odds` are those of cells, 0 where nothing is known; `frame` is as of `Canvas.odds`.
     """
     fits = new = behind = 0
