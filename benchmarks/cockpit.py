@@ -87,9 +87,9 @@ def cost_of_panels(page: 'Page', seconds: float) -> dict[str, float]:
     costs = {}
     for plots in ('velocity', 'torque', 'feet', 'pace'):
         page.click(f'plot {plots}')
-        before = page.cockpit.times.frames, page.cockpit.times.total
+        before = page.cockpit.frames, page.cockpit.cpu_time
         time.sleep(seconds)
-        frames, total = page.cockpit.times.frames, page.cockpit.times.total
+        frames, total = page.cockpit.frames, page.cockpit.cpu_time
         costs[plots] = 1e3 * (total - before[1]) / (frames - before[0])
     page.click('plot velocity')
     return costs

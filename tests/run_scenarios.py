@@ -39,7 +39,7 @@ class Page:
     def __init__(self, session: Run, url: str) -> None:
         self.session = session
         self.url = url
-        self.cockpit = session._view._page._content
+        self.cockpit = session.view._page._content
         self.puppet: Any = None
 
     @property
@@ -59,7 +59,7 @@ class Page:
 
     def failed(self) -> set[str]:
         """Return the panels that failed."""
-        panels: set[str] = self.session._view._page._panels.failed
+        panels: set[str] = self.session.view._page._panels.failed
         return panels
 
     def wait_until(self, condition: Callable[[], Any], what: str) -> None:

@@ -20,7 +20,7 @@ from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.inputs import ScriptedBox
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.worlds import build_worlds
-from wasd_bringup.tools.recording import BagWriter
+from wasd_bringup.tools.recording.bag_writer import BagWriter
 from wasd_bringup.tools.recording.reader import (
     BagReader,
     describe_run,

@@ -112,8 +112,8 @@ def test_p_leads_from_nowhere_but_the_stand_and_needs_a_policy(dog):
     other.run(1.3)
     with pytest.raises(wasd.UserError, match='policy=FILE'):
         other.press('p')
-    assert 'policy' not in [choice.state for choice in other._robot.choices()]
-    assert 'policy' in [choice.state for choice in dog._robot.choices()]
+    assert 'policy' not in [choice.name for choice in other._robot.choices()]
+    assert 'policy' in [choice.name for choice in dog._robot.choices()]
 
 
 @pytest.mark.slow

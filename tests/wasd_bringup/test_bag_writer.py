@@ -14,7 +14,8 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from wasd_bringup.tools.recording import bag_writer, BagWriter
+from wasd_bringup.tools.recording import bag_writer
+from wasd_bringup.tools.recording.bag_writer import BagWriter
 from wasd_bringup.tools.recording.reader import BagReader, RecordingError
 from wasd_bringup.tools.recording.recorder import full_definition, qos_text, to_bytes
 from wasd_core.errors import UserError

@@ -16,8 +16,9 @@ import pytest
 from terminals import wait_until
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cli.options import read_options
-from wasd_bringup.page.restart import page_port, Restart, restart_words, WORLDS
+from wasd_bringup.page.restart import choices_of, page_port, restart_words, WORLDS
 from wasd_bringup.run.options import RunOptions
+from wasd_cockpit.link import Start
 from wasd_core.output_file import OutputFile
 
 # A run whose page asks at once for another robot.
@@ -39,12 +40,10 @@ sys.exit(main(sys.argv[1:]))
 USUAL = RunOptions(robot='go2', description='go2', words=('go2',))
 
 
-def restart(**options: object) -> Restart:
+def choices(**options: object) -> Start:
     """Return what a run with some options may start again with."""
     words = {'robot': 'go2', 'description': 'go2', 'words': ('go2',)}
-    found = Restart(RunOptions(**{**words, **options}))  # type: ignore[arg-type]
-    found.is_at('http://127.0.0.1:8083/')
-    return found
+    return choices_of(RunOptions(**{**words, **options}))  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
@@ -72,7 +71,7 @@ def test_the_page_shows_the_options_with_which_the_same_robot_starts_again(monke
     monkeypatch.delenv('WASD_CALLED', raising=False)
     words = ('go2', '--map', '--port', '8090', '--package-path', 'my robots', '--no-open')
     words += ('--ros-args', '-p', 'gait:=walk')
-    start = restart(words=words, map='', world='my house/room.xml').start
+    start = choices(words=words, map='', world='my house/room.xml')
     assert start.refusal == ''
     shown = "wasd go2 --world 'my house/room.xml' --map --package-path 'my robots'"
     assert start.words('go2', 'my house/room.xml') == f'{shown} --ros-args -p gait:=walk'
@@ -119,13 +118,12 @@ def test_what_is_for_ros_stays_behind_all_options():
 
 
 def test_only_what_the_page_offers_is_started():
-    run = restart()
-    run.want('go2', 'no such world')
-    run.want('no_such_robot', 'room')
-    assert run.wanted == ()
-    run.want('both', 'stairs:0.1')
+    start = choices()
+    assert not start.offers('go2', 'no such world')
+    assert not start.offers('no_such_robot', 'room')
+    assert start.offers('both', 'stairs:0.1')
     words = 'both --world stairs:0.1 --viewer web --port 8083 --no-open'
-    assert run.wanted == tuple(words.split())
+    assert restart_words(('go2',), 'both', 'stairs:0.1', '8083') == tuple(words.split())
 
 
 def test_every_kind_of_world_is_offered_and_each_can_be_had():
@@ -139,7 +137,7 @@ def test_every_kind_of_world_is_offered_and_each_can_be_had():
 
 
 def test_a_file_of_the_users_that_is_the_world_is_offered_too():
-    assert restart(world='my/house.xml').start.worlds == (*WORLDS, 'my/house.xml')
+    assert choices(world='my/house.xml').worlds == (*WORLDS, 'my/house.xml')
 
 
 @for_all(
@@ -157,7 +155,6 @@ def test_a_file_of_the_users_that_is_the_world_is_offered_too():
     ],
 )
 def test_a_run_that_would_lose_something_is_not_started_again(options, why):
-    run = restart(**options)
-    assert why in run.start.refusal
-    run.want('go2', 'room')
-    assert run.wanted == ()
+    start = choices(**options)
+    assert why in start.refusal
+    assert not start.offers('go2', 'room')

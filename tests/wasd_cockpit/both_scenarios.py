@@ -208,7 +208,7 @@ def scenario_plots_of_a_low_desk_are_as_high_as_they_must_be_and_apart(page: Pag
 
 
 def scenario_no_panel_has_failed(page: Page) -> None:
-    assert page.cockpit.times.frames > 100
+    assert page.cockpit.frames > 100
     assert page.failed() == set()
 
 
@@ -223,7 +223,7 @@ def scenario_each_robot_makes_a_map_of_its_own(page: Page) -> None:
 
 def on_the_floor(page: Page, x: float, y: float) -> np.ndarray:
     """Return which point of the floor (x, y) [m] a camera sees at a place of the page [pixels]."""
-    view = page.session._view._page.viewer
+    view = page.session.view._page.viewer
     right, up = axes_of(view.camera)
     ahead = np.cross(up, right)
     width, height = page.puppet.size

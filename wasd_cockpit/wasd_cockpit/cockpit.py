@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Mapping
 import contextlib
-from dataclasses import dataclass, field
 import functools
 import json
 import logging
@@ -29,7 +28,7 @@ from wasd_cockpit.panels.robot import RELEASE_LABEL, Robot, STOP_LABEL, World
 from wasd_cockpit.panels.view import View
 from wasd_cockpit.scene import CAMERAS, OVERLAYS, Scene
 from wasd_cockpit.sight import Sight
-from wasd_cockpit.widgets import columns, Widgets
+from wasd_cockpit.widgets import columns, in_rows, Widgets
 
 # More than this is no file of ours.
 _LARGEST_SETTINGS = 100_000
@@ -82,15 +81,6 @@ def save_settings(path: Path | None, settings: dict[str, Any]) -> None:
         _LOG.warning('the cockpit forgets how it was set up: %s', error)
 
 
-@dataclass
-class Times:
-    """What frames of panels took: how many, and the CPU time of each thread that drew them [s]."""
-
-    frames: int = 0
-    total: float = 0.0
-    began: float = field(default=0.0, repr=False)
-
-
 class Cockpit:
     """
     All panels of the page, drawn from the link's snapshot.
@@ -103,7 +93,9 @@ class Cockpit:
         sight = Sight(lambda: link.snapshot)
         self.page = PageState(link, Widgets(), Layout(), sight)
         self.scene = Scene()
-        self.times = Times()
+        # Frames of panels so far, and the CPU time of the threads that drew them [s].
+        self.frames, self.cpu_time = 0, 0.0
+        self._cpu_began = 0.0
         self._drive, self._plots = Drive(), Plots()
         self._panels: dict[str, Any] = {
             'robot': Robot(),
@@ -130,7 +122,7 @@ class Cockpit:
         """Look no more; keep what was chosen, if that is something new."""
         self.page.sight.close()
         chosen = self._chosen()
-        if chosen != self._kept and self.times.frames:
+        if chosen != self._kept and self.frames:
             save_settings(self._settings, chosen)
 
     def _chosen(self) -> dict[str, Any]:
@@ -173,7 +165,7 @@ class Cockpit:
 
     def begin(self, viewer: Any, page_input: PageInput) -> None:
         """Begin a frame of panels."""
-        self.times.began = time.thread_time()
+        self._cpu_began = time.thread_time()
         page = self.page
         page.viewer, page.input = viewer, page_input
         page.held = page.push = None
@@ -192,8 +184,8 @@ class Cockpit:
         page = self.page
         page.widgets.end()
         page.link.hold(page.held, page.push)
-        self.times.frames += 1
-        self.times.total += time.thread_time() - self.times.began
+        self.frames += 1
+        self.cpu_time += time.thread_time() - self._cpu_began
 
     def _watch_buttons(self, may_hold: bool) -> None:
         """Let no button count that ImGui has down since before it may, or before a silence."""
@@ -223,9 +215,7 @@ class Cockpit:
         # On a desk as wide as the words, else they share the page.
         width = 0.0 if page.layout.is_desk else columns(len(place.panels), 2.0)
         style.push_padding(1.0 if width else style.PADDING[0], style.PADDING[1])
-        for index, name in enumerate(place.panels):
-            if index:
-                imgui.SameLine(0.0, 2.0)
+        for name in in_rows(place.panels, gap=2.0):
             fill = style.FRAME if name == shown else style.PANEL
             if page.widgets.button(
                 f'tab {name}', name.capitalize(), (width, _TAB_HEIGHT), fill=fill

@@ -104,10 +104,10 @@ class Order(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A button: its name and order, whether it is on, and why it is unavailable."""
+    """A state of a key, with a button: whether it is on, or why it is not available."""
 
     name: str
-    order: Order
+    key: str
     is_on: bool = False
     refusal: str = ''
 
@@ -179,6 +179,10 @@ class Start(NamedTuple):
     world: str
     kept: str = ''
     refusal: str = ''
+
+    def offers(self, robot: str, world: str) -> bool:
+        """Whether a run with a robot in a world may be started."""
+        return not self.refusal and robot in self.robots and world in self.worlds
 
     def words(self, robot: str, world: str) -> str:
         """Return what the user would type for a run with a robot in a world."""

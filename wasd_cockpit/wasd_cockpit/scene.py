@@ -135,10 +135,6 @@ class Scene:
         """See the robot as in the beginning."""
         self.camera, self._in_force = CAMERAS[0], 'back'
 
-    def go_about(self, viewer: Any, angle: float) -> None:
-        """See it from another side, by an angle [degrees]."""
-        viewer.camera.azimuth = (viewer.camera.azimuth + angle + 180.0) % 360.0 - 180.0
-
     def _aim(self, page: PageState, snapshot: Snapshot) -> None:
         camera = page.viewer.camera
         if self.camera == 'free':  # it stays where it is

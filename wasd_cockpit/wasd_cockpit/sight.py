@@ -59,20 +59,16 @@ class Sight:
         self._wake = threading.Condition()
         self._thread: threading.Thread | None = None
         self._is_closed = False
-        self._world: World | None = None
+        self.world: World | None = None  # that is looked at; only its model is used
         self.seen = Seen(0, None, np.empty((0, 2)), 0.0)
         self.failure = ''
-
-    def open(self, world: World) -> None:
-        """Take the world that is looked at; only its model is used."""
-        self._world = world
 
     def want(self, what: str) -> None:
         """Ask for `picture` or `ranges`, for a moment."""
         with self._wake:
             self._wanted_until[what] = time.monotonic() + ATTENTION
             self._wake.notify()
-        if self._thread is None and self._world is not None and not self._is_closed:
+        if self._thread is None and self.world is not None and not self._is_closed:
             thread = threading.Thread(target=self._run, name='sight', daemon=True)
             thread.start()
             self._thread = thread  # not before: an interrupt may come between
@@ -86,8 +82,8 @@ class Sight:
             self._thread.join()
 
     def _run(self) -> None:
-        assert self._world is not None
-        eye = _Eye(self._world)
+        assert self.world is not None
+        eye = _Eye(self.world)
         try:
             while self._wait():
                 began = time.monotonic()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Widgets of panels: buttons that tell why they are unavailable, texts, and their places."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
@@ -15,6 +15,8 @@ _DISABLED = int(imgui.HoveredFlags.AllowWhenDisabled.value)
 _BUTTON = int(imgui.Col.Button.value)
 _BUTTON_HOVERED = int(imgui.Col.ButtonHovered.value)
 _TEXT = int(imgui.Col.Text.value)
+
+Item = TypeVar('Item')
 
 
 class Rect(NamedTuple):
@@ -169,6 +171,14 @@ class Widgets:
         if wrapped or width:
             imgui.PopTextWrapPos()
         imgui.PopStyleColor()
+
+
+def in_rows(items: Iterable[Item], across: int = 100, gap: float = -1.0) -> Iterator[Item]:
+    """Yield items to be drawn side by side, `across` in a row; -1 is the usual gap [pixels]."""
+    for index, item in enumerate(items):
+        if index % across:
+            imgui.SameLine(0.0, gap)
+        yield item
 
 
 def columns(count: int, gap: float = 6.0) -> float:

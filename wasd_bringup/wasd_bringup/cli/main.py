@@ -10,7 +10,7 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap_file import describe_keymap, list_presets
@@ -32,6 +32,7 @@ from wasd_bringup.cli.parsers import (
     called,
     describe_examples,
     run_epilog,
+    split_ros_arguments,
     version,
 )
 from wasd_bringup.robots import BOTH, ROBOTS, unitree_help, UNITREE_PRESET
@@ -71,7 +72,15 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
     summaries[BOTH] = 'drive Go2 and mbot in one world; TAB selects the other robot'
     for name, summary in summaries.items():
         if is_asked(name):
-            add_run_options(_add_run(commands, name, summary), name)
+            run = commands.add_parser(
+                name,
+                help=summary,
+                description=f'{summary[0].upper()}{summary[1:]}.',
+                epilog=run_epilog(name),
+                formatter_class=argparse.RawDescriptionHelpFormatter,
+                allow_abbrev=False,
+            )
+            add_run_options(run, name)
         else:
             commands.add_parser(name, help=summary)
     demo = commands.add_parser(
@@ -125,25 +134,6 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
     commands.add_parser('lint', help='run the linters: ruff and mypy', add_help=False)
     commands.add_parser('bench', help='run the benchmark: a table and JSON', add_help=False)
     return parser
-
-
-def _add_run(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
-    """Add a command that runs robots; its help ends with examples and the keys."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=summary,
-        description=f'{summary[0].upper()}{summary[1:]}.',
-        epilog=run_epilog(name),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    return parser
-
-
-def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the words for us, and those for ROS: from --ros-args on."""
-    start = list(words).index('--ros-args') if '--ros-args' in words else len(words)
-    return list(words[:start]), list(words[start:])
 
 
 def first_words() -> list[str]:
@@ -289,7 +279,10 @@ def run_linters(arguments: Sequence[str]) -> int:
             f'{missing[0]} is not installed: {sys.executable} -m pip install -e '
             f"'{_clone('tests')}[lint]'"
         )
-    return max(_run('tests', *words) for words in LINTERS)
+    # Ctrl-C is for both: the program that is started has the last word.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    programs = [[sys.executable, '-m', *words] for words in LINTERS]
+    return max(subprocess.run(words, cwd=_clone('tests')).returncode for words in programs)
 
 
 def run_benchmark(arguments: Sequence[str]) -> NoReturn:
@@ -308,13 +301,6 @@ def _become(*words: str) -> NoReturn:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, *words])
-
-
-def _run(folder: str, module: str, *arguments: str) -> int:
-    # Ctrl-C is for both: the program that is started has the last word.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    words = [sys.executable, '-m', module, *arguments]
-    return subprocess.run(words, cwd=_clone(folder)).returncode
 
 
 def _clone(folder: str) -> Path:

@@ -2,6 +2,7 @@
 """The words of the command line: the options of every command, and what --help tells."""
 
 import argparse
+from collections.abc import Sequence
 from importlib import metadata
 import os
 from typing import Any
@@ -40,6 +41,12 @@ def examples_of(command: str = '') -> Examples:
 def called() -> str:
     """Return what the user types to run `wasd`, which the script of that name tells."""
     return os.environ.get('WASD_CALLED', 'wasd')
+
+
+def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the words for us, and those for ROS: from --ros-args on."""
+    start = list(words).index('--ros-args') if '--ros-args' in words else len(words)
+    return list(words[:start]), list(words[start:])
 
 
 def describe_examples(command: str = '') -> list[str]:

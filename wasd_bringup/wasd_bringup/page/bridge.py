@@ -27,7 +27,7 @@ from wasd_core.errors import UserError
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.timing import HELD, RELEASE, split_event
 
-from wasd_bringup.page.restart import page_port, Restart
+from wasd_bringup.page.restart import choices_of, page_port, restart_words
 from wasd_bringup.page.robot_view import RobotView
 from wasd_bringup.robots import load_class
 from wasd_bringup.run.inputs import E_STOP_KEY, END_E_STOP_KEY, RESET_KEY, TWIST_RATE
@@ -113,11 +113,11 @@ class CockpitBridge:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self.restart = Restart(run.options)
+        self._start, self._port = choices_of(run.options), ''
         self._link = Link()
         self.content = Cockpit(self._link, usual_path())
         self.close = self.content.close
-        self.content.page.sight.open(run.world)
+        self.content.page.sight.world = run.world
         navigations = run.navigations or len(run.robots) * [None]
         self._watched = [
             RobotHistory(robot, navigation)
@@ -137,12 +137,12 @@ class CockpitBridge:
     def attach(self, where: str) -> None:
         """Be told of what happens from now on; the page is at an address."""
         run = self._run
-        self.restart.is_at(where)
-        run.listeners.of_keys.append(self.note_key)
-        run.listeners.of_looks.append(self.step)
-        run.listeners.of_disarm.append(self._disarm)
-        run.listeners.of_loss.append(self._disarm)
-        run.listeners.of_end.append(self.close)
+        self._port = where.rpartition(':')[2].strip('/')
+        run.on_key.append(self.note_key)
+        run.on_look.append(self.step)
+        run.on_disarm.append(self._disarm)
+        run.on_loss.append(self._disarm)
+        run.on_end.append(self.close)
         run.simulation.on_reset.append(self.forget)
         run.simulation.schedule.every(SAMPLE_PERIOD, self.sample)
         run.simulation.schedule.every(1.0 / TWIST_RATE, self._repeat)
@@ -208,8 +208,9 @@ class CockpitBridge:
             simulation.pacer.speed = speed if order.value > 0.0 else 0.0
             simulation.pacer.restart()
         elif order.what == 'start' and not self._active.robot.say_if_stopped():
-            self.restart.want(*order.name.split(maxsplit=1))
-            run.next_words = self.restart.wanted
+            robot, world = order.name.split(maxsplit=1)
+            if self._start.offers(robot, world):
+                run.next_words = restart_words(run.options.words, robot, world, self._port)
         elif order.what in ('goal', 'cancel goal', 'explore', 'save map'):
             self._navigate(order)
         elif order.what == 'choose':
@@ -340,7 +341,7 @@ class CockpitBridge:
             mass=watched.mass,
             marks=marks,
             qpos=world.data.qpos.copy(),
-            start=self.restart.start,
+            start=self._start,
             mocap=np.hstack((world.data.mocap_pos, world.data.mocap_quat)),
             navigation=navigation,
             elevation=view.elevation() if self._link.is_looked_at else None,
@@ -358,7 +359,7 @@ def open_view(run: Run, kind: str) -> str:
     bridge = CockpitBridge(run)
     port = page_port(run.options.port)
     view, where = start_view(kind, run.world, run.robot.camera, bridge.content, port)
-    run.take_view(view, where)
+    run.view, run.where = view, where
     if kind == 'web':
         bridge.attach(where)
     return where

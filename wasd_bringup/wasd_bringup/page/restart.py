@@ -18,7 +18,7 @@ from mujoco_sim.scene import WORLDS as PLAIN
 from wasd_cockpit.link import Start
 from wasd_core.network import LOOPBACK
 
-from wasd_bringup.cli.parsers import called
+from wasd_bringup.cli.parsers import called, split_ros_arguments
 from wasd_bringup.robots import BOTH, ROBOTS
 from wasd_bringup.run.options import RunOptions
 
@@ -32,36 +32,19 @@ _WITH_VALUE, _ALONE = ('--world', '--port', '--viewer'), ('--no-open',)
 _MARK = 'WASD_ANEW'
 
 
-class Restart:
-    """The choices for a restart; `wanted` are the words of the requested one."""
-
-    def __init__(self, options: RunOptions) -> None:
-        """Take what the run was started with."""
-        self._words = options.words
-        self._page = ''
-        self.wanted: tuple[str, ...] = ()
+def choices_of(options: RunOptions) -> Start:
+    """Return what a run, by its options, may start again with."""
+    words, for_ros = split_ros_arguments(options.words)
+    return Start(
+        called(),
+        (*ROBOTS, BOTH),
+        options.robot,
         # A file of the user's is a world, too.
-        worlds = WORLDS if options.world in WORLDS else (*WORLDS, options.world)
-        self.start = Start(
-            called(),
-            (*ROBOTS, BOTH),
-            options.robot,
-            worlds,
-            options.world,
-            shlex.join((*kept_words(self._words), *self._words[_end(self._words) :])),
-            refusal(options),
-        )
-
-    def is_at(self, page: str) -> None:
-        """Take the address of the run's page."""
-        self._page = page
-
-    def want(self, robot: str, world: str) -> None:
-        """End the run, and start one with another robot or in another world."""
-        start = self.start
-        if not start.refusal and robot in start.robots and world in start.worlds:
-            port = self._page.rpartition(':')[2].strip('/')
-            self.wanted = restart_words(self._words, robot, world, port)
+        WORLDS if options.world in WORLDS else (*WORLDS, options.world),
+        options.world,
+        shlex.join((*kept_words(words), *for_ros)),
+        refusal(options),
+    )
 
 
 def refusal(options: RunOptions) -> str:
@@ -77,26 +60,20 @@ def refusal(options: RunOptions) -> str:
 
 def restart_words(words: Sequence[str], robot: str, world: str, port: str) -> tuple[str, ...]:
     """Return words with another robot, whose options are its own, or world, and the same page."""
-    is_same = words[0] == robot
-    kept, for_ros = (kept_words(words), words[_end(words) :]) if is_same else ((), ())
+    own, for_ros = split_ros_arguments(words) if words[0] == robot else ([], [])
     page = '--viewer', 'web', '--port', port, '--no-open'
-    return (robot, *kept, '--world', world, *page, *for_ros)
+    return (robot, *kept_words(own), '--world', world, *page, *for_ros)
 
 
-def kept_words(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the options that a robot keeps as its run starts again."""
-    kept, rest = [], iter(words[1 : _end(words)])
+def kept_words(words: Sequence[str]) -> list[str]:
+    """Return the options that a robot keeps as its run starts again; none is for ROS."""
+    kept, rest = [], iter(words[1:])
     for word in rest:
         if word in _WITH_VALUE:
             next(rest, None)
         elif word not in _ALONE and word.partition('=')[0] not in _WITH_VALUE:
             kept.append(word)
-    return tuple(kept)
-
-
-def _end(words: Sequence[str]) -> int:
-    """Return how many words come before those for ROS."""
-    return words.index('--ros-args') if '--ros-args' in words else len(words)
+    return kept
 
 
 def become(words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:

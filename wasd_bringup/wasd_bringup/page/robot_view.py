@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from teleop_keyboard.keymap import direction_words, factor_words, Keymap
-from wasd_cockpit.link import Choice, Elevation, KeyCap, Marks, Order, Setting, Stick, StickUse
+from wasd_cockpit.link import Choice, Elevation, KeyCap, Marks, Setting, Stick, StickUse
 
 from wasd_bringup.run.robot import Robot
 
@@ -33,15 +33,8 @@ class RobotView:
 
     def choices(self) -> tuple[Choice, ...]:
         """Return the states as buttons."""
-        return tuple(
-            Choice(
-                choice.state,
-                Order('key', self._robot.named(choice.key)),
-                is_on=choice.is_on,
-                refusal=choice.refusal,
-            )
-            for choice in self._robot.choices()
-        )
+        named = self._robot.named
+        return tuple(each._replace(key=named(each.key)) for each in self._robot.choices())
 
     def settings(self) -> tuple[Setting, ...]:
         """Return what is chosen."""
@@ -56,8 +49,7 @@ class RobotView:
         logic = self._robot.logic
         caps = () if logic is None else keymap_caps(logic.keymap)
         taken = {cap.key for cap in caps}
-        choices = self._robot.choices()
-        states = [KeyCap(self._robot.named(choice.key), choice.state) for choice in choices]
+        states = [KeyCap(choice.key, choice.name) for choice in self.choices()]
         return (*(cap for cap in states if cap.key not in taken), *caps)
 
     def stick_use(self) -> StickUse:

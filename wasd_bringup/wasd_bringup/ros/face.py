@@ -202,7 +202,7 @@ class RosFaces(Face):
             bag.now = self._nanoseconds
             run.simulation.on_reset.append(lambda: bag.event('reset'))
             run.simulation.on_step.append(lambda: bag.event('step'))
-            run.listeners.of_e_stop.append(lambda: bag.event('e-stop'))
+            run.on_e_stop.append(lambda: bag.event('e-stop'))
             for interface in run.interfaces:
                 interface.on_deed = functools.partial(bag.event, 'program')
 

@@ -25,7 +25,7 @@ from wasd_core.velocity_messages import to_velocity
 from wasd_bringup.ros.foxglove_gate import Gate, secret_host
 from wasd_bringup.ros.foxglove_inbox import Inbox, Sender, Target
 from wasd_bringup.run.robot import Velocity
-from wasd_bringup.tools.graph import find_type
+from wasd_bringup.tools.graph.ros_graph import find_type
 from wasd_bringup.tools.messages import fill, type_name
 from wasd_bringup.tools.recording.recorder import full_definition, IGNORED, PublisherTap
 

@@ -1,6 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is, without ROS: who drives a robot."""
-
-from wasd_bringup.run.drivers import Drivers
-
-__all__ = ['Drivers']
+"""What a run is, without ROS: robots, who drives them, report."""

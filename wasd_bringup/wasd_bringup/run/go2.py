@@ -29,6 +29,7 @@ from quadruped_sim.presets import LIMITS
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keymap import on_qwerty
+from wasd_cockpit.link import Choice
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import yaw_of
@@ -39,7 +40,7 @@ from wasd_bringup.run.elevation import RobotElevation
 from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions, TRUE_SCAN
 from wasd_bringup.run.report import Sample, TrunkWatch
-from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
+from wasd_bringup.run.robot import axes_of, Robot, Velocity
 
 LIDAR_NEEDED = (
     '{option}: {robot} has no lidar of points: give its description a '
@@ -227,11 +228,11 @@ class Go2(Robot):
         """Whether the motion of this key continues after its release."""
         return on_qwerty(key, self.options.layout).lower() in STICK_KEYS or super().latches(key)
 
-    def choices(self) -> tuple[StateChoice, ...]:
+    def choices(self) -> tuple[Choice, ...]:
         """Return the states with keys."""
         controller = self.legs.controller
         return tuple(
-            StateChoice(key, state.value, state.value == self.state, self._refusal_of(key))
+            Choice(state.value, key, state.value == self.state, self._refusal_of(key))
             for key, state in STATE_KEYS.items()
             if controller.has_policy or state is not StateName.POLICY
         )
@@ -260,12 +261,10 @@ class Go2(Robot):
         theirs = None if self.outside is None else self.outside.motors()
         world.apply(own if theirs is None else theirs)
         if self.legs.controller.has_policy:
-            world.actuation.allows_long_steps = self.rest() > 0.0 and self._stops_evenly()
+            # Physics must never stop within a long step, however its run is paced.
+            is_even = self.simulation.schedule.stride % LONG_STEP == 0
+            world.actuation.allows_long_steps = self.rest() > 0.0 and is_even
         self.elevation.step()
-
-    def _stops_evenly(self) -> bool:
-        """Whether physics never stops within a long step, however its run is paced."""
-        return self.simulation.schedule.stride % LONG_STEP == 0
 
     def _timed_control(self) -> None:
         if self.rest() < ROUNDING:

@@ -13,6 +13,7 @@ from robot_description.robot import Robot as RobotTree
 from teleop_keyboard.dashboard import driving_keys, Status
 from teleop_keyboard.keymap import on_qwerty
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_cockpit.link import Choice
 from wasd_core.errors import UserError
 from wasd_core.robot_io import JointStates, LEG_RATE, Reading
 from wasd_core.timing import is_press, Notice, STOP_KEY
@@ -20,7 +21,7 @@ from wasd_core.timing import is_press, Notice, STOP_KEY
 from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample
-from wasd_bringup.run.robot import axes_of, Robot, StateChoice, Velocity
+from wasd_bringup.run.robot import axes_of, Robot, Velocity
 
 HOIST_KEY, HOIST = 'h', 'hoist'
 PASSIVE = next(key for key, state in STATE_KEYS.items() if state is State.PASSIVE)
@@ -100,14 +101,14 @@ class Legged(Robot):
             return ''
         return self.controller.refusal('p') or f'press p to walk: it is {self.state}'
 
-    def choices(self) -> tuple[StateChoice, ...]:
+    def choices(self) -> tuple[Choice, ...]:
         """Return the states with keys, and the hoist."""
         controller = self.controller
         states = [
-            StateChoice(key, state.value, state is controller.state, controller.refusal(key))
+            Choice(state.value, key, state is controller.state, controller.refusal(key))
             for key, state in STATE_KEYS.items()
         ]
-        return (*states, StateChoice(HOIST_KEY, HOIST, self.hoist.is_on, ''))
+        return (*states, Choice(HOIST, HOIST_KEY, self.hoist.is_on))
 
     def command(self, velocity: Velocity, age: float = 0.0) -> None:
         """Give the controller a velocity [m/s], [m/s], [rad/s] of any source."""

@@ -7,7 +7,7 @@ import dataclasses
 import functools
 import logging
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from mujoco_sim.parameters import SHOWN_RATE, SimulatorParameters
 from mujoco_sim.sensors.measuring import Sensors
@@ -21,6 +21,7 @@ from teleop_keyboard.key_script import script_word
 from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_cockpit.link import Choice
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.timing import HELD, Notice, split_event, STOP_KEY
@@ -43,15 +44,6 @@ LET_GO = 'let go of {}{} ' + SINCE_STOP
 HOLDS = 'ENTER releases E-STOP (by the {})'
 # Zeros that end it all are told so often: one may be lost.
 LAST_ZEROS = 3
-
-
-class StateChoice(NamedTuple):
-    """A state of a key: whether the robot is in it, or why it is not available."""
-
-    key: str
-    state: str
-    is_on: bool
-    refusal: str
 
 
 def axes_of(
@@ -114,7 +106,7 @@ class Robot(ABC):
         # What a guard does to the command in force; '' without a guard.
         self.guard_words: Callable[[], str] = lambda: ''
         self._recorder = Recorder(world, keep=options.keeps_samples)
-        self._pushes = Player(options.pushes)
+        self.pushes = Player(options.pushes)
         self._script: TwistPlayer | None = None
 
     def prepare(self) -> None:
@@ -233,7 +225,7 @@ class Robot(ABC):
         """Return what the driver's keyboard calls a key of qwerty."""
         return on_layout(key, self.options.layout)
 
-    def choices(self) -> tuple[StateChoice, ...]:
+    def choices(self) -> tuple[Choice, ...]:
         """Return the states with keys; wheels have none."""
         return ()
 
@@ -320,7 +312,7 @@ class Robot(ABC):
         """Mute the keyboard while another source drives, or enable it again."""
         if is_mute and not self._is_mute and self.logic is not None:
             self.logic.stop()
-            self._step_logic(self.logic, 0.0)
+            self._step_keys(self.logic, 0.0)
         self._is_mute = is_mute
 
     def stop(self) -> None:
@@ -348,14 +340,9 @@ class Robot(ABC):
     def begin_instant(self, now: float) -> None:
         """Apply the pushes that are due at a simulated time [s]."""
         self.drivers.time = now
-        if now >= self._pushes.next_time:
-            for push in self._pushes.due(now):
+        if now >= self.pushes.next_time:
+            for push in self.pushes.due(now):
                 self.world.push(push.force, push.duration, push.point)
-
-    @property
-    def next_push(self) -> float:
-        """The simulated time of the next push [s]; infinity after the last."""
-        return self._pushes.next_time
 
     def schedule_control(self, schedule: Schedule) -> None:
         """Step scripts, keys and controller on a schedule, in this order."""
@@ -446,11 +433,7 @@ class Robot(ABC):
             tell(told)
 
     def _step_keys(self, logic: KeysToTwist, dt: float) -> None:
-        if not self._is_mute:
-            self._step_logic(logic, dt)
-
-    def _step_logic(self, logic: KeysToTwist, dt: float) -> None:
-        velocity = logic.step(dt)
+        velocity = None if self._is_mute else logic.step(dt)
         if velocity is not None:
             self._follow((velocity.vx, velocity.vy, velocity.wz), velocity.vz)
 

@@ -2,7 +2,6 @@
 """One run from start to end, without ROS: robots, drivers, keys, viewer, report."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 import math
 import sys
 import time
@@ -78,29 +77,16 @@ class KeySwitch:
         return None if base == SWITCH_KEY else owner
 
 
-@dataclass
-class Listeners:
-    """
-    Callbacks: for a key, for a look at the viewer, for its loss, for `disarm`, for an e-stop
-    (before its keys are pressed), for the end.
-
-    A look comes with the wall time, and with the time between two frames of the viewer [s].
-    """
-
-    of_keys: list[Callable[[str], None]] = field(default_factory=list)
-    of_looks: list[Callable[[float, float], None]] = field(default_factory=list)
-    of_loss: list[Callable[[], None]] = field(default_factory=list)
-    of_disarm: list[Callable[[], None]] = field(default_factory=list)
-    of_e_stop: list[Callable[[], None]] = field(default_factory=list)
-    of_end: list[Callable[[], None]] = field(default_factory=list)
-
-
 class Run:
     """
     One or several robots, their drivers, and the loop that steps them.
 
     `run` returns when the duration is over or when `stop` says so; `close` leaves the robots
     stopped and the report written, in any case.
+
+    `on_key` hear each key, `on_look` each look at the viewer (wall time, and time between two
+    frames [s]), `on_loss` of its loss, `on_disarm` and `on_end` of these, `on_e_stop` of an e-stop
+    before its keys are pressed.
     """
 
     def __init__(
@@ -122,9 +108,14 @@ class Run:
         self._reader = reader
         # Whether it does not end with its keys.
         self._is_endless = options.has_guests or options.duration != math.inf
-        self._view: View | None = None
-        self._where = ''  # it is
-        self.listeners = Listeners()
+        self.view: View | None = None  # shows it, `where` somebody looks; it is closed at the end
+        self.where = ''
+        self.on_key: list[Callable[[str], None]] = []
+        self.on_look: list[Callable[[float, float], None]] = []
+        self.on_loss: list[Callable[[], None]] = []
+        self.on_disarm: list[Callable[[], None]] = []
+        self.on_e_stop: list[Callable[[], None]] = []
+        self.on_end: list[Callable[[], None]] = []
         # The words of the run that is to come in place of this one.
         self.next_words: tuple[str, ...] = ()
         self._wall_time = 0.0
@@ -216,11 +207,7 @@ class Run:
 
     @property
     def _where_lines(self) -> list[str]:
-        return [f'viewer: {self._where}'] if self._where else []
-
-    def take_view(self, view: 'View', where: str) -> None:
-        """Let a viewer show the run, and print its address; the run closes it."""
-        self._view, self._where = view, where
+        return [f'viewer: {self.where}'] if self.where else []
 
     def run(self, stop: Any) -> None:
         """Simulate until the duration is over, the keys end, or `stop` is called."""
@@ -247,7 +234,7 @@ class Run:
         """Ignore what any source holds now, until it is released and pressed again."""
         for robot in self.robots:
             robot.disarm()
-        for let_go in self.listeners.of_disarm:
+        for let_go in self.on_disarm:
             let_go()
         for driver in self._drivers:
             driver.disarm()
@@ -260,8 +247,8 @@ class Run:
         """
         self.disarm()
         if by not in SCRIPTS:
-            self._end_scripts()
-        for tell in self.listeners.of_e_stop:
+            self._key_player, self._commands = Player(()), Player(())
+        for tell in self.on_e_stop:
             tell()
         for number, robot in enumerate(self.robots):
             robot.e_stop(by)
@@ -315,10 +302,10 @@ class Run:
             self.options.report.write(to_json(self.report()))
 
     def _release(self) -> None:
-        for close in self.listeners.of_end:
+        for close in self.on_end:
             close()
-        if self._view is not None:
-            self._view.close()
+        if self.view is not None:
+            self.view.close()
         self.face.close()
 
     def _schedule(self) -> None:
@@ -346,9 +333,6 @@ class Run:
             self.face.schedule_sensing(robot, schedule)
         self._is_scheduled = True
 
-    def _end_scripts(self) -> None:
-        self._key_player, self._commands = Player(()), Player(())
-
     def _begin_instant(self) -> None:
         instant = self.world.time
         self.face.begin_instant()
@@ -359,7 +343,7 @@ class Run:
 
     def _rest(self) -> float:
         """Return for how long from now [s] no script has anything to do."""
-        events = (self._next_event, *(robot.next_push for robot in self.robots))
+        events = (self._next_event, *(robot.pushes.next_time for robot in self.robots))
         return min(events) - self.world.time
 
     def _play(self, instant: float) -> None:
@@ -399,7 +383,7 @@ class Run:
 
     def press(self, key: str, by: str = 'keys', to: int | None = None) -> None:
         """Give a source's key to the robot of number `to`, or to the one that `switch` names."""
-        for note in self.listeners.of_keys:
+        for note in self.on_key:
             note(key)
         if self._writer is not None:
             # The key is in force from the next instant on.
@@ -409,8 +393,8 @@ class Run:
         receiver = self.switch.receiver(key, by) if to is None else to
         if receiver is not None:
             self.robots[receiver].press(key, by)
-        elif self._view is not None:
-            self._view.follow(self.world)
+        elif self.view is not None:
+            self.view.follow(self.world)
 
     def _is_for_the_run(self, key: str, by: str) -> bool:
         """Handle a key of the run itself; False for any other key."""
@@ -448,7 +432,7 @@ class Run:
                     # Nobody reads it any more: Ctrl-C shall be a signal, not a sequence.
                     self._reader.terminal.switch_off()
                 if self.options.has_guests:  # else the run ends soon
-                    self._stop_what_the_keys_moved()
+                    self._stop_what_moved('keys', 'its keys have ended')
         for driver in self._drivers:
             driver.look()
         now = time.monotonic()
@@ -458,10 +442,12 @@ class Run:
             now = time.monotonic()
             took = now - started if timeout == 0.0 else 0.0
             self._message_times.looked(now, took, self.world.time)
-        if self._view is not None:
-            self._look_at_view(self._view, now)
+        if self.view is not None:
+            self._look_at_view(self.view, now)
         self.face.save()
-        self._let_notices_age(now)
+        for robot in self.robots:
+            robot.notice.step(now - self._polled_at)
+        self._polled_at = now
         name = self.robot.name if len(self.robots) > 1 else ''
         is_told = self._reader is not None and not self.options.prints_data
         show_robot(self.robot, self._status, name, now, is_told)
@@ -476,24 +462,21 @@ class Run:
                     self._stop_what_the_view_moved()
                 else:
                     self.press(key, 'page')
-        for look in self.listeners.of_looks:
+        for look in self.on_look:
             look(now, view.period)
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop motion by keys and goals of a lost viewer."""
-        for robot in self.robots:
-            if any(robot.drivers.held('page')):
-                self.lose('page', robot, 'the viewer that drove it is gone')
-        for let_go in self.listeners.of_loss:
+        self._stop_what_moved('page', 'the viewer that drove it is gone')
+        for let_go in self.on_loss:
             let_go()
         for each in self.navigations:
             each.lose_page()
 
-    def _stop_what_the_keys_moved(self) -> None:
-        """Stop motion by keys whose pipe or terminal has ended."""
+    def _stop_what_moved(self, source: str, why: str) -> None:
         for robot in self.robots:
-            if any(robot.drivers.held('keys')):
-                self.lose('keys', robot, 'its keys have ended')
+            if any(robot.drivers.held(source)):
+                self.lose(source, robot, why)
 
     def lose(self, source: str, robot: Robot, why: str) -> None:
         """Stop a robot whose source is gone, by a key as a driver would."""
@@ -521,9 +504,3 @@ class Run:
         if self._reader.closed and self._ended_at == math.inf:
             self._ended_at = self.world.time
         return self.world.time > self._ended_at + AFTERGLOW
-
-    def _let_notices_age(self, now: float) -> None:
-        """Age the messages to the user, on wall time."""
-        for robot in self.robots:
-            robot.notice.step(now - self._polled_at)
-        self._polled_at = now

@@ -10,6 +10,7 @@ from wasd_cockpit.link import Elevation, Snapshot
 from wasd_cockpit.panels.floor import FloorView, paint_grid, paint_image, paint_robot
 from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.sight import SIZE
+from wasd_cockpit.widgets import in_rows
 
 _SCALE_HEIGHT, _FOOT = 8.0, 4.0
 
@@ -25,9 +26,7 @@ class Eyes:
     def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         refusals = {'picture': page.sight.failure, 'elevation': snapshot.no_elevation}
-        for index, (name, refusal) in enumerate(refusals.items()):
-            if index:
-                imgui.SameLine(0.0, 8.0)
+        for name, refusal in in_rows(refusals.items(), gap=8.0):
             is_on = name == self.shown
             if page.widgets.toggle(name, name, is_on, (0.0, 26.0), refusal=refusal):
                 self.shown = '' if is_on else name

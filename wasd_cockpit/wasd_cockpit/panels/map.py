@@ -14,7 +14,7 @@ from wasd_cockpit import style
 from wasd_cockpit.link import moved, Navigation, navigation_words, Order, Snapshot
 from wasd_cockpit.panels.floor import FloorView, paint_grid, paint_image, paint_robot
 from wasd_cockpit.panels.page_panel import PageState
-from wasd_cockpit.widgets import Dragging, Rect
+from wasd_cockpit.widgets import Dragging, in_rows, Rect
 
 # How much of the floor is seen [m], from middle to edge.
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
@@ -51,9 +51,7 @@ class Map:
         """Draw it in the window that is open."""
         navigation = snapshot.navigation
         page.beside_tabs(8.0)
-        for name, label, step in (('closer', '+', -1), ('farther', '-', 1)):
-            if step > 0:
-                imgui.SameLine(0.0, 8.0)
+        for name, label, step in in_rows((('closer', '+', -1), ('farther', '-', 1)), gap=8.0):
             if page.widgets.button(f'map {name}', label, (28.0 * page.widgets.scale, 26.0)):
                 self.zoom = min(max(self.zoom + step, 0), len(REACHES) - 1)
         pose = snapshot.pose if navigation is None else navigation.pose

@@ -10,7 +10,7 @@ import numpy as np
 from wasd_cockpit import style
 from wasd_cockpit.link import Columns, Snapshot, SPAN
 from wasd_cockpit.panels.page_panel import PageState
-from wasd_cockpit.widgets import Rect
+from wasd_cockpit.widgets import in_rows, Rect
 
 PAGES = ('velocity', 'torque', 'feet', 'pace')
 # Points of a line, at most: more are not seen.
@@ -62,11 +62,8 @@ class Plots:
 
     def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
-        for index, name in enumerate(PAGES):
-            if index:
-                imgui.SameLine(0.0, 4.0)
-            else:
-                page.beside_tabs(16.0)
+        page.beside_tabs(16.0)
+        for name in in_rows(PAGES, gap=4.0):
             if page.widgets.toggle(f'plot {name}', name, name == self.page, (0.0, 26.0)):
                 self.page = name
         self._draw_legend(page, snapshot)
@@ -97,11 +94,9 @@ class Plots:
             words = ()
         elif not words:
             words = snapshot.columns.motors
-        for index, (word, rgb) in enumerate(zip(words, style.LINES, strict=False)):
-            if index:
-                imgui.SameLine(0.0, 10.0)
-            else:
-                page.beside_tabs(24.0)
+        if words:
+            page.beside_tabs(24.0)
+        for word, rgb in in_rows(zip(words, style.LINES, strict=False), gap=10.0):
             text = word.removesuffix('_joint')
             if imgui.GetContentRegionAvail().x < imgui.CalcTextSize(text).x:
                 imgui.NewLine()

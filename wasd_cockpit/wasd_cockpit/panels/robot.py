@@ -4,9 +4,9 @@
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
-from wasd_cockpit.link import Choice, Order, Setting, Snapshot
+from wasd_cockpit.link import Order, Setting, Snapshot
 from wasd_cockpit.panels.page_panel import PageState
-from wasd_cockpit.widgets import columns
+from wasd_cockpit.widgets import columns, in_rows
 
 _ENTER = int(imgui.InputTextFlags.EnterReturnsTrue.value)
 _HEIGHT = 24.0
@@ -23,10 +23,19 @@ class Robot:
         """Draw it in the window that is open."""
         self._draw_stop(page, snapshot)
         if len(snapshot.robots) > 1:
-            self._draw_robots(page, snapshot)
+            size = (columns(len(snapshot.robots)), _HEIGHT)
+            for index, name in in_rows(enumerate(snapshot.robots)):
+                if page.widgets.toggle(f'robot {name}', name, index == snapshot.robot, size):
+                    page.link.order(Order('robot', name))
         if snapshot.choices:
             page.widgets.heading('STATE')
-            self._draw_choices(page, snapshot.choices)
+        across = 2 if page.layout.is_desk else 3
+        size = (columns(across), _HEIGHT)
+        for choice in in_rows(snapshot.choices, across):
+            refusal = '' if choice.is_on else choice.refusal
+            name = choice.name
+            if page.widgets.toggle(name, name, choice.is_on, size, refusal=refusal):
+                page.link.order(Order('key', choice.key))
         for setting in snapshot.settings:
             self._draw_setting(page, setting)
         self._draw_speed(page, snapshot)
@@ -53,44 +62,13 @@ class Robot:
         if widgets.button('reset', f'{_RESET}  reset', (third, _HEIGHT)):
             order(Order('reset'))
 
-    def _draw_robots(self, page: PageState, snapshot: Snapshot) -> None:
-        width = columns(len(snapshot.robots))
-        for index, name in enumerate(snapshot.robots):
-            if index:
-                imgui.SameLine()
-            is_on = index == snapshot.robot
-            if page.widgets.toggle(f'robot {name}', name, is_on, (width, _HEIGHT)):
-                page.link.order(Order('robot', name))
-
-    def _draw_choices(self, page: PageState, choices: tuple[Choice, ...]) -> None:
-        across = 2 if page.layout.is_desk else 3
-        width = columns(across)
-        for index, choice in enumerate(choices):
-            if index % across:
-                imgui.SameLine()
-            if page.widgets.button(
-                choice.name,
-                choice.name,
-                (width, _HEIGHT),
-                fill=style.COMMAND if choice.is_on else None,
-                refusal='' if choice.is_on else choice.refusal,
-            ):
-                page.link.order(choice.order)
-
     def _draw_setting(self, page: PageState, setting: Setting) -> None:
         page.widgets.heading(setting.name.upper())
-        width = columns(min(len(setting.options), 3))
-        for index, option in enumerate(setting.options):
-            if index % 3:
-                imgui.SameLine()
-            is_on = option == setting.chosen
-            if page.widgets.button(
-                f'{setting.name} {option}',
-                option,
-                (width, _HEIGHT),
-                fill=style.COMMAND if is_on else None,
-                refusal='' if is_on else setting.refusal,
-            ):
+        size = (columns(min(len(setting.options), 3)), _HEIGHT)
+        for option in in_rows(setting.options, 3):
+            name, is_on = f'{setting.name} {option}', option == setting.chosen
+            refusal = '' if is_on else setting.refusal
+            if page.widgets.toggle(name, option, is_on, size, refusal=refusal):
                 page.link.order(Order('choose', f'{setting.name}={option}'))
 
     def _draw_speed(self, page: PageState, snapshot: Snapshot) -> None:
@@ -124,7 +102,13 @@ class World:
         now = {'robot': start.robot, 'world': start.world}
         for what, options in (('robot', start.robots), ('world', start.worlds)):
             page.widgets.heading(what.upper())
-            self._draw_options(page, what, options, now[what])
+            size = (columns(3), _HEIGHT)
+            for option in in_rows(options, 3):
+                is_on = option == self._chosen.get(what, now[what])
+                # Of a file its name, which tells most.
+                label = option.rpartition('/')[2]
+                if page.widgets.toggle(f'next {what} {option}', label, is_on, size):
+                    self._chosen[what] = option
         chosen = {**now, **self._chosen}
         same = '' if chosen != now else 'this is the present run: choose another robot or world'
         imgui.Spacing()
@@ -139,16 +123,3 @@ class World:
         page.widgets.words(start.words(chosen['robot'], chosen['world']), wrapped=True)
         why = start.refusal or 'This run ends; the page comes back by itself.'
         page.widgets.words(why, style.DIM, wrapped=True)
-
-    def _draw_options(
-        self, page: PageState, what: str, options: tuple[str, ...], now: str
-    ) -> None:
-        width = columns(3)
-        for index, option in enumerate(options):
-            if index % 3:
-                imgui.SameLine()
-            is_on = option == self._chosen.get(what, now)
-            # Of a file its name, which tells most.
-            label = option.rpartition('/')[2]
-            if page.widgets.toggle(f'next {what} {option}', label, is_on, (width, _HEIGHT)):
-                self._chosen[what] = option

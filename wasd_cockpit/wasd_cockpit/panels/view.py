@@ -7,7 +7,7 @@ from wasd_cockpit import style
 from wasd_cockpit.link import Snapshot
 from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.scene import CAMERAS, HANDS, OVERLAYS, Scene
-from wasd_cockpit.widgets import columns
+from wasd_cockpit.widgets import columns, in_rows
 
 _HEIGHT = 28.0
 _ABOUT = 15.0  # [degrees]
@@ -28,11 +28,9 @@ class View:
         """Draw it in the window that is open."""
         widgets, scene = page.widgets, self._scene
         widgets.heading('CAMERA')
-        width = columns(len(CAMERAS))
-        for index, name in enumerate(CAMERAS):
-            if index:
-                imgui.SameLine()
-            if widgets.toggle(f'camera {name}', name, name == scene.camera, (width, _HEIGHT)):
+        size = (columns(len(CAMERAS)), _HEIGHT)
+        for name in in_rows(CAMERAS):
+            if widgets.toggle(f'camera {name}', name, name == scene.camera, size):
                 scene.camera = name
         quarter = columns(3)
         if widgets.button('camera back', '\uf0e2  back', (quarter, _HEIGHT)):
@@ -40,12 +38,11 @@ class View:
         for name, label, about in (('left', '\uf060', -_ABOUT), ('right', '\uf061', _ABOUT)):
             imgui.SameLine()
             if widgets.button(f'about {name}', f'{label}  {name}', (quarter, _HEIGHT)):
-                scene.go_about(page.viewer, about)
+                camera = page.viewer.camera
+                camera.azimuth = (camera.azimuth + about + 180.0) % 360.0 - 180.0
         widgets.heading('SHOW')
         width = columns(2)
-        for index, (name, rgb) in enumerate(OVERLAYS.items()):
-            if index % 2:
-                imgui.SameLine()
+        for name, rgb in in_rows(OVERLAYS.items(), 2):
             # Lit in the colour that it has in the scene, on which dark words are read best.
             fill, text = (rgb, style.BACKGROUND) if name in scene.shown else (None, None)
             needs_feet = name in ('forces', 'footholds') and not snapshot.columns.feet
@@ -64,16 +61,13 @@ class View:
         """Draw what a pointer does in the scene, besides turning the camera."""
         widgets, scene = page.widgets, self._scene
         widgets.heading('POINTER')
-        width = columns(len(HANDS))
-        for index, name in enumerate(HANDS):
-            if index:
-                imgui.SameLine()
+        size = (columns(len(HANDS)), _HEIGHT)
+        for name in in_rows(HANDS):
             is_on = name == scene.hand
             # What is on can be put away without a map, too.
             lacks_map = name == 'goal' and snapshot.navigation is None and not is_on
             refusal = 'this robot makes no map: start with --map' if lacks_map else ''
-            label, size = _HAND_LABELS[name], (width, _HEIGHT)
-            if widgets.toggle(name, label, is_on, size, refusal=refusal):
+            if widgets.toggle(name, _HAND_LABELS[name], is_on, size, refusal=refusal):
                 scene.hand = '' if is_on else name
         if scene.hand:
             widgets.words(_HAND_WORDS[scene.hand], style.DIM, wrapped=True)

@@ -1,6 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes an MCAP file that is complete at any time, also while it is being written."""
-
-from wasd_bringup.tools.recording.bag_writer import BagWriter
-
-__all__ = ['BagWriter']
