@@ -53,18 +53,13 @@ def status_line(status: Status, clock: str, width: int) -> str:
     State and clock are there in every width in which they fit. A message is shortened to what
     is to be done, then makes facts give way, and only then is cut.
     """
-    for facts, message in _shorter_and_shorter(status):
+    short = brief(status.message)
+    fewer = [(status.facts[start:], short) for start in range(len(status.facts) + 1)]
+    for facts, message in [(status.facts, status.message), *fewer]:
         line = GAP.join(filter(None, (status.state, *facts, clock, message)))
         if len(line) <= width:
             return line
     return line[:width]
-
-
-def _shorter_and_shorter(status: Status) -> list[tuple[tuple[str, ...], str]]:
-    """Return facts and message in ever fewer words."""
-    facts, message, short = status.facts, status.message, brief(status.message)
-    fewer = [(facts[start:], short) for start in range(len(facts) + 1)]
-    return [(facts, message), *fewer]
 
 
 # What shows all keys; F1, too, where a layout gives `?` to a keymap.

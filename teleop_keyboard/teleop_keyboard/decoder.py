@@ -111,19 +111,16 @@ class KeyDecoder:
         # Byte by byte: so the keys are the same however the bytes were cut.
         keys = []
         for byte in data:
-            if self._is_overlong and self._passes_over(byte):
-                continue
+            if self._is_overlong:
+                self._is_overlong = 0x20 <= byte < 0x40  # the last byte of it ends that
+                if 0x20 <= byte < 0x7F:
+                    continue
             if 0x20 <= byte < 0x7F and not self._buffer:
                 keys.append(chr(byte))  # what people type, without a detour
                 continue
             self._buffer += bytes((byte,))
             keys += self._completed()
         return keys
-
-    def _passes_over(self, byte: int) -> bool:
-        """Whether a byte belongs to a sequence that is too long; its last one ends that."""
-        self._is_overlong = 0x20 <= byte < 0x40
-        return 0x20 <= byte < 0x7F
 
     def _completed(self) -> list[str]:
         """Take out of the buffer what its last byte has completed."""
@@ -201,13 +198,12 @@ def _first_piece(data: bytes) -> _Piece:
     piece = _character(data[1:])
     if piece.length == 0:
         return _INCOMPLETE
-    return _Piece(1 + piece.length, None if piece.key is None else _with_alt(piece.key))
-
-
-def _with_alt(key: str) -> str:
-    if key.startswith('CTRL+'):
-        return 'CTRL+ALT+' + key.removeprefix('CTRL+')
-    return with_modifiers(key, alt=True)
+    key = piece.key
+    if key is not None and key.startswith('CTRL+'):
+        key = 'CTRL+ALT+' + key.removeprefix('CTRL+')
+    elif key is not None:
+        key = with_modifiers(key, alt=True)
+    return _Piece(1 + piece.length, key)
 
 
 def _character(data: bytes) -> _Piece:

@@ -29,17 +29,6 @@ AXES, BUTTONS, NAME, AXIS_MAP, BUTTON_MAP = 0x11, 0x12, 0x13, 0x32, 0x34
 NAME_SIZE, AXIS_MAP_SIZE, BUTTON_MAP_SIZE = 128, 64, 512
 
 
-def check_device(path: str) -> None:
-    """
-    Refuse what can never be a pad; what is not there yet may come.
-
-    Raises:
-        UserError: it is neither a joystick nor a pipe.
-    """
-    if kind := what_else(path):
-        raise UserError(f'gamepad {path}: wanted a device as {FOLDER}/js0, got {kind}')
-
-
 def what_else(path: str) -> str:
     """Return what there is at a path that is no joystick and no pipe; '' where nothing is."""
     try:
@@ -81,7 +70,8 @@ class Gamepad:
     def __init__(
         self, path: str = '', deadzone: float = 0.05, rate: float = 20.0, folder: Path = FOLDER
     ) -> None:
-        check_device(path)
+        if kind := what_else(path):
+            raise UserError(f'gamepad {path}: wanted a device as {FOLDER}/js0, got {kind}')
         self.pad = Pad(deadzone)
         self.rate = rate
         self.controls: Controls = USUAL_CONTROLS
@@ -90,14 +80,9 @@ class Gamepad:
         self._path = path
         self._folder = folder
         self._descriptor: int | None = None
-        self._has_spoken = False
+        self.is_there = False  # a pad that has said something
         self._since_look = LOOK_PERIOD
         self._since_told = 0.0
-
-    @property
-    def is_there(self) -> bool:
-        """Whether there is a pad that has said something."""
-        return self._has_spoken
 
     def wait(self) -> None:
         """Wait until there is something to see, or something else is due; in any thread."""
@@ -105,7 +90,7 @@ class Gamepad:
         if descriptor is None:
             time.sleep(max(LOOK_PERIOD - self._since_look, SHORTEST_WAIT))
             return
-        period = 1.0 / self.rate if self._has_spoken and self.rate > 0.0 else LOOK_PERIOD
+        period = 1.0 / self.rate if self.is_there and self.rate > 0.0 else LOOK_PERIOD
         with contextlib.suppress(OSError, ValueError):  # closed meanwhile
             left = max(period - self._since_told, SHORTEST_WAIT)
             select.select([descriptor], [], [], left)
@@ -119,20 +104,20 @@ class Gamepad:
         assert self._descriptor is not None
         try:
             data = os.read(self._descriptor, AT_ONCE)
-            is_over = not data and self._has_spoken
+            is_over = not data and self.is_there
         except BlockingIOError:
             data, is_over = b'', False
         except OSError:
             data, is_over = b'', True
         if is_over:
             return self._lose()
-        self._has_spoken = self._has_spoken or bool(data)
+        self.is_there = self.is_there or bool(data)
         self._since_told += dt
         states = self.pad.take(data)
         is_due = self.rate > 0.0 and self._since_told >= 1.0 / self.rate
-        if self._has_spoken and not states and is_due:
+        if self.is_there and not states and is_due:
             states = [self.pad.state]
-        if states or not self._has_spoken:
+        if states or not self.is_there:
             self._since_told = 0.0
         return Told(tuple(states))
 
@@ -141,12 +126,12 @@ class Gamepad:
         if self._descriptor is not None:
             os.close(self._descriptor)
         self._descriptor = None
-        self._has_spoken = False
+        self.is_there = False
         self.name = ''
         self.pad.reset()
 
     def _lose(self) -> Told:
-        was_there = self._has_spoken
+        was_there = self.is_there
         self.close()
         self._since_look = 0.0
         return Told(is_lost=was_there)
@@ -166,7 +151,9 @@ class Gamepad:
                 continue
             self.problem = ''
             self.controls = _ask_controls(self._descriptor)
-            self.name = _ask_name(self._descriptor) or path
+            name = bytearray(NAME_SIZE)
+            _ask(self._descriptor, NAME, name)
+            self.name = name.partition(b'\0')[0].decode('utf-8', 'replace') or path
             return True
         return False
 
@@ -191,13 +178,6 @@ def _ask(descriptor: int, number: int, answer: 'bytearray | array.array[int]') -
     except OSError:
         return False
     return True
-
-
-def _ask_name(descriptor: int) -> str:
-    answer = bytearray(NAME_SIZE)
-    if not _ask(descriptor, NAME, answer):
-        return ''
-    return answer.partition(b'\0')[0].decode('utf-8', 'replace')
 
 
 def _ask_controls(descriptor: int) -> Mapping[str, tuple[int, int]]:

@@ -99,7 +99,8 @@ class KeyHold:
         key = self._keys.get(name)
         if key is not None and key.age < SHORTEST_GAP:
             return
-        if key is not None and (key.is_down or self._may_be_first_repeat(key)):
+        # One that was given up too soon comes back: a delay longer than was thought.
+        if key is not None and (key.is_down or (key.presses == 1 and not key.is_overtaken)):
             self._repeat(key)
             return
         chord = [other for other, state in self._keys.items() if self._joins_chord(state)]
@@ -168,10 +169,6 @@ class KeyHold:
         if is_even and max(first, second) <= LONGEST_GAP and delay >= SHORTEST_DELAY:
             wanted = DELAY_FACTOR * delay + DELAY_MARGIN
             self.first_timeout = min(wanted, LONGEST_FIRST_TIMEOUT)
-
-    def _may_be_first_repeat(self, key: _Key) -> bool:
-        """Whether a key given up too soon comes back: a delay longer than was thought."""
-        return key.presses == 1 and not key.is_overtaken
 
     def _joins_chord(self, key: _Key) -> bool:
         return key.is_down and key.presses == 1 and key.age <= CHORD_WINDOW and not key.is_told

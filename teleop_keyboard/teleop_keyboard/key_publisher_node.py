@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that publishes keys, and the executable `key_publisher`."""
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import functools
@@ -143,19 +142,6 @@ def _subscribe_to_state(node: Node) -> None:
     node.create_subscription(String, 'state', show, LATCHED)
 
 
-def read_options(program: Executable, words: Sequence[str] | None = None) -> argparse.Namespace:
-    """
-    Return a program's options, of this process when there are no `words`; `ros` is left for ROS.
-
-    Raises:
-        UserError: an option that neither we nor ROS know, or a file that cannot be written.
-    """
-    given = program.read(sys.argv[1:] if words is None else words)
-    if given.save_keys is not None:
-        given.save_keys = OutputFile(given.save_keys, '--save-keys')
-    return given
-
-
 @contextlib.contextmanager
 def open_keyboard(
     program: Executable, words: Sequence[str] | None, stop: StopSignals
@@ -166,9 +152,10 @@ def open_keyboard(
     Raises:
         UserError: there is nowhere to read keys from, or an option is wrong.
     """
-    options = read_options(program, words)
+    options = program.read(sys.argv[1:] if words is None else words)
+    path = options.save_keys
+    file = None if path is None else OutputFile(path, '--save-keys')
     reader = open_key_reader()
-    file = options.save_keys
     with contextlib.closing(file) if file else contextlib.nullcontext(), reader:
         if reader.terminal is not None:
             stop.last_words.append(reader.terminal.restore)

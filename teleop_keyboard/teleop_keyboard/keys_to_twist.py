@@ -214,10 +214,6 @@ class KeysToTwist:
         """Whether what a press of this key sets moving goes on when the key is let go."""
         return key in self.keymap.motion and self.motion.mode != 'hold'
 
-    def release_all(self) -> None:
-        """Stop on the ramp: no key counts any more."""
-        self.motion.forget()
-
     def stop(self) -> None:
         """Stop without a ramp; the next `step` returns a zero, whatever the idle policy."""
         self.motion.stop()

@@ -96,7 +96,7 @@ class KeysToTwistNode(Node):
         """Stop the robot, whatever the mode."""
         if self.logic.is_moving:
             self.get_logger().warning('nobody publishes keys any more: stopping')
-            self.logic.release_all()
+            self.logic.motion.forget()
 
     def _on_timer(self) -> None:
         now = self.get_clock().now()

@@ -46,20 +46,15 @@ class Screen:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self._is_terminal = understands_escapes(stream)
+        self.is_terminal = understands_escapes(stream)  # else no page is shown, only lines
         self._is_open = False
         self._shown: tuple[object, ...] = ()
         self._shown_at = -LOG_PERIOD
         self._in_ascii = not _encodes(stream, FULL)
 
-    @property
-    def is_terminal(self) -> bool:
-        """Whether pages are shown at all; else there are only lines."""
-        return self._is_terminal
-
     def show(self, page: Callable[[int, int], Sequence[Line]], now: float) -> None:
         """Show the page for the window as it is, unless the last is too young; `now` in [s]."""
-        if not self._is_terminal or now - self._shown_at < FRAME_PERIOD:
+        if not self.is_terminal or now - self._shown_at < FRAME_PERIOD:
             return
         self._shown_at = now
         if not may_draw_on(self._stream):
@@ -76,7 +71,7 @@ class Screen:
 
     def log(self, text: str, now: float) -> None:
         """Write a new line where the output is no terminal, unless the last is too young."""
-        if self._is_terminal or now - self._shown_at < LOG_PERIOD or self._shown == (text,):
+        if self.is_terminal or now - self._shown_at < LOG_PERIOD or self._shown == (text,):
             return
         self._shown, self._shown_at = (text,), now
         offer(self._stream, visible(text) + '\n')

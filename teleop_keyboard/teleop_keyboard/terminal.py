@@ -185,7 +185,11 @@ class Terminal(Source):
         """Put back the attributes and the signal handlers that were there."""
         self.restore()
         atexit.unregister(self.restore)
-        self._remove_handlers()
+        ours = (self._suspend, self._resume, self._act_by_default)
+        for number, previous in self._previous_handlers.items():
+            if signal.getsignal(number) in ours:
+                signal.signal(number, previous)
+        self._previous_handlers.clear()
         self._saved = None
         if self._outlet is not None:
             os.close(self._outlet)
@@ -212,8 +216,11 @@ class Terminal(Source):
     def _set_attributes(self, attributes: list[Any] | None) -> None:
         """Set attributes now, not when all is shown: a frozen terminal never gets there."""
         # From behind, too: the signal that asks who is in front would stop us.
-        with _blocked(signal.SIGTTOU):
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGTTOU,))
+        try:
             termios.tcsetattr(self._descriptor, termios.TCSANOW, attributes or [])
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _switch(self, on: bytes, off: bytes) -> None:
         # Behind another job, after `bg`, the terminal is not ours to change.
@@ -244,13 +251,6 @@ class Terminal(Source):
                 wanted[deadly] = self._act_by_default
         for number, handler in wanted.items():
             self._previous_handlers[number] = signal.signal(number, handler)
-
-    def _remove_handlers(self) -> None:
-        ours = (self._suspend, self._resume, self._act_by_default)
-        for number, previous in self._previous_handlers.items():
-            if signal.getsignal(number) in ours:
-                signal.signal(number, previous)
-        self._previous_handlers.clear()
 
     def _act_by_default(self, number: int, frame: FrameType | None) -> None:
         for callback in self.before_suspend:
@@ -329,15 +329,6 @@ def _raw_of(saved: list[Any]) -> list[Any]:
     attributes[CONTROL_CHARACTERS][termios.VMIN] = 0  # read_ready tells why
     attributes[CONTROL_CHARACTERS][termios.VTIME] = 0
     return attributes
-
-
-@contextlib.contextmanager
-def _blocked(number: int) -> Iterator[None]:
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (number,))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _is_dumb() -> bool:

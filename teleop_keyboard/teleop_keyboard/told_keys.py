@@ -46,7 +46,9 @@ class ToldKeys:
         Return the release of its old name where Shift, pressed meanwhile, has given it a new one.
         """
         if is_repeat or place in self._down:
-            self._note_delay(place)
+            if place == self._last and self._since_press is not None:
+                self._delays = self._delays[1], self._since_press
+                self._since_press = None
             self._left = REPEAT_TIMEOUT
         else:
             self._since_press = 0.0
@@ -96,8 +98,3 @@ class ToldKeys:
         if delay <= FIRST_REPEAT_TIMEOUT:
             return FIRST_REPEAT_TIMEOUT
         return min(DELAY_FACTOR * delay + DELAY_MARGIN, LONGEST_FIRST_TIMEOUT)
-
-    def _note_delay(self, place: str) -> None:
-        if place == self._last and self._since_press is not None:
-            self._delays = self._delays[1], self._since_press
-            self._since_press = None

@@ -10,7 +10,7 @@ import pytest
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from std_msgs.msg import String
-from teleop_keyboard.key_publisher_node import KeyPublisherNode, read_options
+from teleop_keyboard.key_publisher_node import KeyPublisherNode, open_keyboard
 from teleop_keyboard.key_script import KeyScriptWriter, parse_key_script
 from teleop_keyboard.keymap import NAMED_KEYS
 from teleop_keyboard.keymap_file import load_preset
@@ -19,6 +19,7 @@ from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.parameters import teleop
 from wasd_core.errors import UserError
 from wasd_core.output_file import OutputError, OutputFile
+from wasd_core.signals import StopSignals
 
 pytestmark = pytest.mark.slow
 
@@ -79,13 +80,17 @@ def test_saved_times_go_on_where_the_clock_jumps_back(spawn, tmp_path):
 
 
 def test_a_file_that_cannot_be_written_is_one_line():
-    with pytest.raises(OutputError, match='--save-keys /nowhere/a.keys: wanted a file'):
-        read_options(teleop, ['--save-keys', '/nowhere/a.keys'])
+    words = ['--save-keys', '/nowhere/a.keys']
+    with (
+        pytest.raises(OutputError, match='--save-keys /nowhere/a.keys: wanted a file'),
+        open_keyboard(teleop, words, StopSignals()),
+    ):
+        pass
 
 
 def test_options_are_ours_up_to_ros_args(tmp_path):
     path = str(tmp_path / 'a')
-    options = read_options(teleop, ['--save-keys', path, '--ros-args', '-p', 'speed:=0.3'])
+    options = teleop.read(['--save-keys', path, '--ros-args', '-p', 'speed:=0.3'])
     assert (str(options.save_keys), options.ros) == (path, ['--ros-args', '-p', 'speed:=0.3'])
     with pytest.raises(UserError, match='unrecognized arguments: --sav a'):
-        read_options(teleop, ['--sav', 'a'])
+        teleop.read(['--sav', 'a'])
