@@ -80,7 +80,7 @@ class Run:
     def close(self):
         self.client.close()
         self.session.close()
-        self.server.close()
+        self.server.shut_down()
 
 
 @pytest.fixture
@@ -304,7 +304,7 @@ def test_a_port_that_is_taken_is_said(ros):
         ):
             FoxgloveServer(server.port)
     finally:
-        server.close()
+        server.shut_down()
 
 
 @for_all('origin', ['https://evil.example', 'null'])

@@ -62,7 +62,7 @@ def robots():
 @pytest.fixture
 def inbox(robots):
     inbox = Inbox(read_velocity, lambda sender, data: data.decode())
-    inbox.receive_for([robot.target for robot in robots])
+    inbox.targets = [robot.target for robot in robots]
     return inbox
 
 

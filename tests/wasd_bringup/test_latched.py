@@ -200,7 +200,7 @@ def test_while_a_stop_holds_the_driver_reads_how_it_is_released_and_no_key_to_st
 def test_a_client_of_foxglove_that_goes_on_is_told_how_it_is_released(held_of):
     held = held_of('mbot')
     inbox = Inbox(lambda sender, data: VELOCITY, lambda sender, data: '')
-    inbox.receive_for([Target(held.robot, '/cmd_vel', '/keys')])
+    inbox.targets = [Target(held.robot, '/cmd_vel', '/keys')]
     client = SimpleNamespace(id=1)
     channel = SimpleNamespace(id=1, topic='/cmd_vel', encoding='cdr', schema_name='')
     inbox.on_client_advertise(client, channel)

@@ -5,6 +5,7 @@ import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 import contextlib
 import dataclasses
+import functools
 import importlib.util
 import logging
 import math
@@ -56,16 +57,19 @@ def run_command(
     uses_ros = _uses_ros(options, ros_arguments)
     choose_range(options.discovery, options.scripted and options.speed == 0.0)
     place: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
-    home: Any = PlainHome()
+    make_run: Callable[..., Run] = _make_plain_run
     if uses_ros:
         # Here, because a run without ROS does not load it.
-        from wasd_bringup.ros.home import own_place, RosHome
+        from wasd_bringup.ros.home import make_public_run, own_place
 
-        place, home = own_place(options, ros_arguments), RosHome(ros_arguments)
+        place = own_place(options, ros_arguments)
+        make_run = functools.partial(make_public_run, ros_arguments)
     made: list[Run] = []
+    # What ends everything, also what has begun in part, in this order.
+    ends: list[Callable[[], object]] = []
 
     def do() -> None:
-        run = home.make_run(options, reader, viewer != 'none')
+        run = make_run(options, reader, viewer != 'none', ends)
         made.append(run)
         _halt_with(stop, reader, run)
         if viewer != 'none':
@@ -93,8 +97,7 @@ def run_command(
             words=getattr(arguments, 'words', ()),
         )
         try:
-            # The end of everything, also of what has begun in part.
-            attempt_all(do, lambda: attempt_all(*(run.close for run in made), home.close))
+            attempt_all(do, lambda: attempt_all(*ends))
         except Stopped:
             return stop.exit_status
     (run,) = made
@@ -107,25 +110,22 @@ def run_command(
     return status
 
 
-class PlainHome:
-    """Makes a run that no other process sees."""
-
-    def make_run(self, options: RunOptions, reader: KeyReader | None, visuals: bool) -> Run:
-        """Return the run; what is odd about its robots is said on standard error."""
-        log = logging.getLogger('wasd')
-        log.addHandler(logging.StreamHandler())
-        log.setLevel(logging.INFO)
-        run = Run(options, reader, visuals)
-        for robot in run.robots:
-            for note in robot.notes:
-                robot.log.warning('%s: %s', robot.name, note)
-        if options.interactive:
-            # What is said while it runs is in the status line; a log would break that line.
-            log.setLevel(logging.ERROR)
-        return run
-
-    def close(self) -> None:
-        """Nothing is around it."""
+def _make_plain_run(
+    options: RunOptions, reader: KeyReader | None, visuals: bool, ends: list[Callable[[], object]]
+) -> Run:
+    """Return a run that no other process sees; what is odd about its robots is on stderr."""
+    log = logging.getLogger('wasd')
+    log.addHandler(logging.StreamHandler())
+    log.setLevel(logging.INFO)
+    run = Run(options, reader, visuals)
+    ends.append(run.close)
+    for robot in run.robots:
+        for note in robot.notes:
+            robot.log.warning('%s: %s', robot.name, note)
+    if options.interactive:
+        # What is said while it runs is in the status line; a log would break that line.
+        log.setLevel(logging.ERROR)
+    return run
 
 
 def _uses_ros(options: RunOptions, ros_arguments: Sequence[str]) -> bool:

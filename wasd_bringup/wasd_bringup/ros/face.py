@@ -217,7 +217,6 @@ class RosFaces(Face):
             run.join(pad)
         if self._foxglove is not None:
             # Here, because few runs need it.
-            from wasd_bringup.ros.foxglove import FoxgloveDriver
             from wasd_bringup.ros.foxglove_inbox import Target
 
             self._foxglove.now = self._nanoseconds
@@ -225,7 +224,8 @@ class RosFaces(Face):
                 Target(face.robot, face.controller.command_topic, face.key_topic)
                 for face in self.faces
             ]
-            run.join(FoxgloveDriver(self._foxglove, targets, self.nodes))
+            self._foxglove.drive(targets, self.nodes)
+            run.join(self._foxglove)
 
     def _nanoseconds(self) -> int:
         return round(self._run.world.time * 1e9)

@@ -102,10 +102,11 @@ def load_sdk() -> Any:
 
 class FoxgloveServer:
     """
-    Serves what this process publishes, from its construction to `close`.
+    Serves what this process publishes, from its construction to `shut_down`.
 
-    Only what a client has subscribed to is made and serialised; it keeps the last messages
-    of latched topics for late clients. `now` returns simulated time [ns].
+    Its clients drive a run that it has joined, after `drive`. Only what a client has subscribed
+    to is made and serialised; it keeps the last messages of latched topics for late clients. `now`
+    returns simulated time [ns].
     """
 
     def __init__(self, port: int) -> None:
@@ -125,8 +126,11 @@ class FoxgloveServer:
         self._kept: dict[str, list[bytes]] = {}
         self._latched: set[str] = set()
         self._followers: dict[str, int] = {}
-        # Where pages are from that were refused.
-        self.strangers: queue.SimpleQueue[str] = queue.SimpleQueue()
+        # Where pages are from that were refused, and those of which that was said.
+        self._strangers: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._told: set[str] = set()
+        self._publishing: Sequence[Node] = ()
+        self._looks, self._times = Beat(), Beat()
         capability, host = self._sdk.websocket.Capability, secret_host()
         try:
             self._server = self._sdk.start_server(
@@ -141,7 +145,7 @@ class FoxgloveServer:
         except RuntimeError as error:
             raise UserError(f'--foxglove: {one_line(error)}') from None
         try:
-            self._gate = Gate(port, (host, self._server.port), self.strangers.put)
+            self._gate = Gate(port, (host, self._server.port), self._strangers.put)
         except OSError as error:
             self._server.stop()
             reason = os.strerror(error.errno or 0).lower()
@@ -175,14 +179,6 @@ class FoxgloveServer:
                     topic, message_encoding='cdr', schema=schema, context=self._context
                 )
 
-    def tell_time(self) -> None:
-        """Tell clients what time it is."""
-        self._server.broadcast_time(self.now())
-
-    def complain(self, words: str) -> None:
-        """Tell clients why something was not taken."""
-        self._server.publish_status(words, self._sdk.websocket.StatusLevel.Warning, 'wasd')
-
     def take_subscriptions(self) -> None:
         """Follow what clients have subscribed to since the last call."""
         for topic, client, comes in self.inbox.subscriptions():
@@ -191,13 +187,6 @@ class FoxgloveServer:
             (FOLLOWED.add if count else FOLLOWED.discard)(topic)
             for data in self._kept.get(topic, ()) if comes else ():
                 self._channels[topic].log(data, log_time=self.now(), sink_id=client)
-
-    def close(self) -> None:
-        """Serve no more."""
-        self._tap.remove()
-        FOLLOWED.difference_update(self._followers)
-        self._gate.close()
-        self._server.stop()
 
     def _wants(self, topic: str) -> bool:
         # Before a topic is known it may be a latched one.
@@ -213,57 +202,49 @@ class FoxgloveServer:
         if topic in FOLLOWED and topic in self._channels:
             self._channels[topic].log(data, log_time=self.now())
 
-
-class FoxgloveDriver:
-    """Foxglove's clients as drivers of a run."""
-
-    def __init__(
-        self,
-        server: FoxgloveServer,
-        targets: Sequence[Target],
-        publishing: Sequence[Node],
-    ) -> None:
-        self._server = server
-        self._publishing = publishing
-        self._looks, self._times = Beat(), Beat()
+    def drive(self, targets: Sequence[Target], publishing: Sequence[Node]) -> None:
+        """Let clients drive from now on, and offer them what these nodes publish."""
+        self.inbox.targets, self._publishing = targets, publishing
         self._looked_at = time.monotonic()
-        self._targets, self._refused = targets, set[str]()
-        server.inbox.receive_for(targets)
 
     @property
     def first_line(self) -> str:
         """Where it is."""
-        return f'foxglove: ws://{LOOPBACK}:{self._server.port}'
+        return f'foxglove: ws://{LOOPBACK}:{self.port}'
 
     def look(self) -> None:
         """Take what clients have sent, and offer them what is new."""
         now = time.monotonic()
         if self._looks.is_due(now, LOOK_RATE):
-            self._server.offer(self._publishing)
-        self._server.take_subscriptions()
-        for words in self._server.inbox.step(now - self._looked_at):
-            self._server.complain(words)
+            self.offer(self._publishing)
+        self.take_subscriptions()
+        for words in self.inbox.step(now - self._looked_at):
+            self._server.publish_status(words, self._sdk.websocket.StatusLevel.Warning, 'wasd')
         self._looked_at = now
         if self._times.is_due(now, TIME_RATE):
-            self._server.tell_time()
-        self._say_who_was_refused()
-
-    def _say_who_was_refused(self) -> None:
-        """Say once of each page that it may not drive."""
-        strangers = self._server.strangers
-        while not strangers.empty():
-            page = visible(strangers.get())[:LONGEST_NAME]
-            if page and page not in self._refused and len(self._refused) < MOST_REFUSED:
-                self._refused.add(page)
-                self._targets[0].robot.say(f'foxglove: a page of {page} wants to drive: refused')
+            self._server.broadcast_time(self.now())
+        # Once of each page.
+        while not self._strangers.empty():
+            page = visible(self._strangers.get())[:LONGEST_NAME]
+            if page and page not in self._told and len(self._told) < MOST_REFUSED:
+                self._told.add(page)
+                words = f'foxglove: a page of {page} wants to drive: refused'
+                self.inbox.targets[0].robot.say(words)
 
     def repeat(self) -> None:
         """Say nothing again: a client that is silent drives no more."""
 
     def disarm(self) -> None:
         """Ignore what clients have sent so far."""
-        self._server.inbox.disarm()
+        self.inbox.disarm()
 
     def close(self) -> None:
-        """Stop what clients drive."""
-        self._server.inbox.stop()
+        """Stop what clients drive; they still hear the end of the run."""
+        self.inbox.stop()
+
+    def shut_down(self) -> None:
+        """Serve no more."""
+        self._tap.remove()
+        FOLLOWED.difference_update(self._followers)
+        self._gate.close()
+        self._server.stop()

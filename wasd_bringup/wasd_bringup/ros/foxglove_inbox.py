@@ -116,7 +116,7 @@ class Inbox:
     ) -> None:
         """Take how messages are read; both raise UserError."""
         self._read_velocity, self._read_key = read_velocity, read_key
-        self._targets: Sequence[Target] = ()
+        self.targets: Sequence[Target] = ()  # what clients drive; without one no message counts
         self._clients: dict[int, _Client] = {}
         # By clients: what each says waits on its own.
         self._events: dict[int, deque[_Event]] = {}
@@ -152,10 +152,6 @@ class Inbox:
             events = self._events.setdefault(client_id, deque())
             if not isinstance(what, bytes) or len(events) < LONGEST_QUEUE // len(self._events):
                 events.append(_Event(next(self._numbers), client_id, channel, what))
-
-    def receive_for(self, targets: Sequence[Target]) -> None:
-        """Set the robots that clients drive; before that no message counts."""
-        self._targets = targets
 
     def subscriptions(self) -> Iterator[tuple[str, int, bool]]:
         """Yield topic, client and whether it follows it now, in the order of the events."""
@@ -197,7 +193,7 @@ class Inbox:
         return sorted(taken, key=itemgetter(0))  # an e-stop ends what was said before it
 
     def _take(self, client_id: int, channel: int, what: Sender | bytes | None) -> None:
-        client = self._clients.setdefault(client_id, _Client(client_id, self._targets))
+        client = self._clients.setdefault(client_id, _Client(client_id, self.targets))
         if isinstance(what, Sender):
             client.senders[channel] = what
         elif what is None:
@@ -211,12 +207,12 @@ class Inbox:
             client.hear()
 
     def _obey(self, client: _Client, sender: Sender, data: bytes) -> None:
-        for target in self._targets:
+        for target in self.targets:
             if sender.topic == target.command_topic:
                 return client.drive(target, self._read_velocity(sender, data), not self._deaf)
             if sender.topic == target.key_topic:
                 return client.press(target.robot, self._read_key(sender, data), not self._deaf)
-        known = [topic for target in self._targets for topic in target[1:]]
+        known = [topic for target in self.targets for topic in target[1:]]
         raise UserError(
             f'{sender.topic}: clients cannot publish there; wanted {" or ".join(known)}'
         )

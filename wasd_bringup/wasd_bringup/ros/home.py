@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The surroundings of a run on ROS: its domain, a recording, a server."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import os
 import sys
-from typing import TYPE_CHECKING
 
 import rclpy
 from teleop_keyboard.key_reader import KeyReader
-from wasd_core.errors import attempt_all
 from wasd_core.network import claim_domain, namespaces_of, RANGE
 from wasd_core.node import explain_ros_errors, init_ros
 
@@ -18,51 +16,41 @@ from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import NAMESPACED, RunOptions
 from wasd_bringup.run.run import Run
 
-if TYPE_CHECKING:
-    from wasd_bringup.ros.foxglove import FoxgloveServer
-    from wasd_bringup.tools.recording.recorder import BagRecorder
 
+def make_public_run(
+    ros_arguments: Sequence[str],
+    options: RunOptions,
+    reader: KeyReader | None,
+    visuals: bool,
+    ends: list[Callable[[], object]],
+) -> Run:
+    """
+    Return a run on ROS, with its recording and its server; `ends` are given what ends it all.
 
-class RosHome:
-    """Makes one run on ROS, with its recording and its server, and closes these after it."""
+    Raises:
+        UserError: an option is wrong; the text says how, in one line.
+    """
+    ends.append(rclpy.try_shutdown)
+    init_ros(with_own_frames(ros_arguments), is_local=True)
+    recorder = None
+    foxglove = None
+    if options.record is not None:
+        from wasd_bringup.tools.recording.reader import describe_run
+        from wasd_bringup.tools.recording.recorder import BagRecorder
 
-    def __init__(self, ros_arguments: Sequence[str]) -> None:
-        self._ros_arguments = ros_arguments
-        self._recorder: BagRecorder | None = None
-        self._foxglove: FoxgloveServer | None = None
-        self._has_run = False
+        recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
+        ends.insert(0, recorder.discard)  # if nothing has run, an older recording stays
+    if options.foxglove is not None:
+        from wasd_bringup.ros.foxglove import FoxgloveServer
 
-    def make_run(self, options: RunOptions, reader: KeyReader | None, visuals: bool) -> Run:
-        """
-        Return the run.
-
-        Raises:
-            UserError: an option is wrong; the text says how, in one line.
-        """
-        init_ros(with_own_frames(self._ros_arguments), is_local=True)
-        if options.record is not None:
-            from wasd_bringup.tools.recording.reader import describe_run
-            from wasd_bringup.tools.recording.recorder import BagRecorder
-
-            description = describe_run(options, self._ros_arguments)
-            self._recorder = BagRecorder(options.record, description)
-        if options.foxglove is not None:
-            from wasd_bringup.ros.foxglove import FoxgloveServer
-
-            self._foxglove = FoxgloveServer(options.foxglove)
-        with explain_ros_errors():
-            run = make_ros_run(options, reader, visuals, self._recorder, self._foxglove)
-        self._has_run = True
-        return run
-
-    def close(self) -> None:
-        """End everything, also what has begun in part, also after a failure."""
-        served = [self._foxglove.close] if self._foxglove is not None else []
-        recorded = []
-        if self._recorder is not None:
-            # If nothing has run, an older recording stays.
-            recorded = [self._recorder.close if self._has_run else self._recorder.discard]
-        attempt_all(*served, *recorded, rclpy.try_shutdown)
+        foxglove = FoxgloveServer(options.foxglove)
+        ends.insert(0, foxglove.shut_down)
+    with explain_ros_errors():
+        run = make_ros_run(options, reader, visuals, recorder, foxglove)
+    if recorder is not None:
+        ends[ends.index(recorder.discard)] = recorder.close
+    ends.insert(0, run.close)
+    return run
 
 
 @contextlib.contextmanager
