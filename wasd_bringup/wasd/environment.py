@@ -18,11 +18,11 @@ from typing import Any
 
 import gymnasium
 from mujoco_sim.parameters import Untold
-from mujoco_sim.robot_setup import foot_links, RobotSetup, usual_setup
+from mujoco_sim.robot_setup import foot_links, usual_setup
 from mujoco_sim.robot_setup import randomise as draw
 from mujoco_sim.sensors.camera import Frustum, Offscreen
 from mujoco_sim.sensors.heights import true_heights
-from mujoco_sim.world import build_world, FALL_TILT, LONG_STEP, World
+from mujoco_sim.world import build_world, FALL_TILT, LONG_STEP
 import numpy as np
 from policy_player.observations import Observer
 from policy_player.spec import PolicySpec, Term
@@ -227,17 +227,14 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray], gymnasium.utils.EzPi
         """Make the robot of an episode."""
         untold = Untold(randomise=self._level)
         setup = draw(usual_setup(self._loaded, self._noise, untold), seed, self._loaded)
-        visuals = self.render_mode is not None
-        self._world = build_world(
+        stance = dict(zip(SPEC.joints, DEFAULT, strict=True))
+        self._world = world = build_world(
             self._loaded,
             self._world_name,
-            setup=_standing(setup),
-            visuals=visuals,
+            setup=replace(setup, joint_positions=stance, height=START_HEIGHT),
+            visuals=self.render_mode is not None,
             time_step=min(self._physics_step, LONGEST_TIME_STEP),
         )
-        self._take(self._world)
-
-    def _take(self, world: World) -> None:
         joints = list(SPEC.joints)
         self._joints = np.array([world.joint_names.index(name) for name in joints])
         self._motors = np.array([joints.index(name) for name in world.motor_names])
@@ -286,15 +283,6 @@ def _is_plain(action: Any) -> bool:
         and action.shape == (12,)
         and action.dtype.kind == 'f'
         and math.isfinite(np.vdot(action, action))
-    )
-
-
-def _standing(setup: RobotSetup) -> RobotSetup:
-    """Return the setup of a robot that stands in the default pose."""
-    return replace(
-        setup,
-        joint_positions=dict(zip(SPEC.joints, DEFAULT, strict=True)),
-        height=START_HEIGHT,
     )
 
 

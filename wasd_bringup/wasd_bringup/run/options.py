@@ -94,11 +94,6 @@ class RunOptions:
     commands: tuple[Command, ...] | None = None
 
     @property
-    def keeps_samples(self) -> bool:
-        """Whether what happens is kept for a report."""
-        return self.samples or self.report is not None
-
-    @property
     def scripted(self) -> bool:
         """Whether keys or velocities come from a file."""
         return self.keys is not None or self.twists is not None

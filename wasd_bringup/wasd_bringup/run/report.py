@@ -123,7 +123,12 @@ class Recorder:
     def sample(self, now: Sample) -> None:
         """Add the sample of this instant."""
         base = self._world.base()
-        self._watch_for_falls(base.tilt > FALL_TILT or now.is_down)
+        is_down = base.tilt > FALL_TILT or now.is_down
+        if is_down and self._up_for >= UP_AGAIN:
+            self.falls += 1
+            if self.fell_at is None:
+                self.fell_at = round(self._world.time, 9)
+        self._up_for = 0 if is_down else self._up_for + 1
         if self.samples is None:
             return
         x, y, yaw = now.odometry
@@ -139,13 +144,6 @@ class Recorder:
             'torque_max': float(self._world.actuation.take_peak_effort().max(initial=0.0)),
         }
         self.samples.add(row)
-
-    def _watch_for_falls(self, is_down: bool) -> None:
-        if is_down and self._up_for >= UP_AGAIN:
-            self.falls += 1
-            if self.fell_at is None:
-                self.fell_at = round(self._world.time, 9)
-        self._up_for = 0 if is_down else self._up_for + 1
 
 
 def build_report(

@@ -105,7 +105,7 @@ class Robot(ABC):
         self.on_velocity: list[Callable[[FullVelocity], None]] = []
         # What a guard does to the command in force; '' without a guard.
         self.guard_words: Callable[[], str] = lambda: ''
-        self._recorder = Recorder(world, keep=options.keeps_samples)
+        self._recorder = Recorder(world, keep=options.samples or options.report is not None)
         self.pushes = Player(options.pushes)
         self._script: TwistPlayer | None = None
 

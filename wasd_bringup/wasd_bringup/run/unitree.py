@@ -63,7 +63,9 @@ class UnitreeDriver:
         commands = Commands(
             press=lambda key: robot.press(robot.named(key), SOURCE),
             drive=partial(robot.drive, by=SOURCE),
-            take_motors=self._take_motors,
+            take_motors=partial(
+                robot.drivers.take, SOURCE, key=MOTORS, what='an SDK program (LowCmd)'
+            ),
             guard=self._switch_guard,
         )
         self._legs = LegsRobot(robot.legs, robot.world, commands)
@@ -127,9 +129,6 @@ class UnitreeDriver:
     def _tell_deed(self) -> None:
         tell, self.on_deed = self.on_deed, lambda: None
         tell()
-
-    def _take_motors(self) -> bool:
-        return self.robot.drivers.take(SOURCE, key=MOTORS, what='an SDK program (LowCmd)')
 
     def _give_way(self, taken: Take) -> None:
         if taken.source != SOURCE:

@@ -2,6 +2,7 @@
 """`wasd topics`, `echo`, `hz`, `pub`, `call`, `params`: what ros2cli does, where there is none."""
 
 import argparse
+from collections import deque
 from collections.abc import Callable, Sequence
 import functools
 import itertools
@@ -10,6 +11,7 @@ import sys
 import time
 from typing import Any
 
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
@@ -21,7 +23,6 @@ from wasd_core.topics import RELIABLE
 import yaml
 
 from wasd_bringup.tools.graph.listener import TopicListener
-from wasd_bringup.tools.graph.rate import RateMeter
 from wasd_bringup.tools.graph.ros_graph import (
     find_type,
     full_name,
@@ -51,6 +52,31 @@ KINDS = (
     'Double values are:',
     'String values are:',
 )
+
+
+class RateMeter:
+    """Keeps the gaps between the last `window` messages."""
+
+    def __init__(self, window: int) -> None:
+        self._gaps: deque[float] = deque(maxlen=window)
+        self._last: float | None = None
+
+    def add(self, now: float) -> None:
+        """Count a message that came at a time [s]."""
+        if self._last is not None:
+            self._gaps.append(now - self._last)
+        self._last = now
+
+    def rate(self) -> str:
+        """Return messages a second, and their gaps, as ros2cli does; '' before the second one."""
+        if not self._gaps:
+            return ''
+        mean = float(np.mean(self._gaps))
+        return (
+            f'average rate: {1.0 / mean if mean > 0.0 else 0.0:.3f}\n'
+            f'\tmin: {min(self._gaps):.3f}s max: {max(self._gaps):.3f}s '
+            f'std dev: {np.std(self._gaps):.5f}s window: {len(self._gaps)}'
+        )
 
 
 def run_graph_command(arguments: argparse.Namespace) -> int:
@@ -117,10 +143,9 @@ def hz(graph: RosGraph, arguments: argparse.Namespace) -> int:
         graph.spin()
         if time.monotonic() >= due:
             due += HZ_PERIOD
-            rate = meter.rate()
-            if rate is not None and came > printed:
+            if came > max(printed, 1):
                 printed = came
-                print(rate, flush=True)
+                print(meter.rate(), flush=True)
 
 
 def pub(graph: RosGraph, arguments: argparse.Namespace) -> int:
@@ -160,7 +185,8 @@ def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
     client = graph.node.create_client(kind, service)
     if not client.service_is_ready():
         print('waiting for service to become available...', flush=True)
-    _wait_until_ready(graph, client, service)
+    if not graph.wait(client.service_is_ready):
+        raise NotFound(f'service {service} does not answer')
     print(f'requester: making request: {request!r}\n', flush=True)
     future = client.call_async(request)  # once: a request may do something each time
     print(f'response:\n{_answer(graph, lambda: future, client.service_is_ready)!r}\n')
@@ -245,11 +271,6 @@ def _read_yaml(text: str) -> Any:
     except yaml.YAMLError as error:
         reason = one_line(error)
         raise UserError(f'not YAML: {text!r}: {reason}') from None
-
-
-def _wait_until_ready(graph: RosGraph, client: Any, service: str) -> None:
-    if not graph.wait(client.service_is_ready):
-        raise NotFound(f'service {service} does not answer')
 
 
 def _answer(graph: RosGraph, ask: Callable[[], Any], is_there: Callable[[], bool]) -> Any:
