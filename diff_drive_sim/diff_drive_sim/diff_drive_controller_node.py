@@ -350,12 +350,12 @@ class DiffDriveControllerNode(Node):
         if self._is_base(frame) or not self.settings.enable_odom_tf:
             return []
         why = 'has a parent already' if frame in robot.links else 'is no link of the description'
-        root = robot.moving_link
+        root = robot.root
         return [f'base_frame_id {frame!r} {why}, it moves with {root!r}: /tf is no tree']
 
     def _is_base(self, frame: str) -> bool:
         """Whether a frame is the root; a robot's prefix may be before it, or in its name."""
-        return f'/{frame}'.endswith(f'/{self.unit.robot.moving_link}')
+        return f'/{frame}'.endswith(f'/{self.unit.robot.root}')
 
     def _own_joint_names(self, alone: bool) -> tuple[str, ...]:
         """Return the names under which this node publishes the wheels' states; none if others."""

@@ -319,7 +319,7 @@ class DiffDrive:
         self.limits = linear.reached_by(ahead), angular.reached_by(turning)
 
     def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:
-        frame = parameters.base_frame_id or self.robot.moving_link
+        frame = parameters.base_frame_id or self.robot.root
         return replace(parameters, base_frame_id=frame)
 
     @property

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-import numpy as np
 from robot_description.morphology.kinds import name_kind
 from robot_description.morphology.wheels import (
     ANY_WHEELS,
@@ -113,13 +112,7 @@ def geometry_of(robot: Robot, drive: Drive) -> DiffDriveGeometry:
         DiffDriveError: the base does not stand as the description's root does.
     """
     left, right = drive.wheels
-    base = robot.rest_poses[robot.moving_link]
-    if not np.allclose(base.rotation, np.eye(3), atol=1e-6):
-        raise DiffDriveError(
-            f'{robot.name!r} is turned in {robot.root!r}: '
-            f'give the joint of {robot.moving_link!r} rpy="0 0 0"'
-        )
-    axle_x, axle_y, _ = (0.5 * (left.position + right.position) - base.position).tolist()
+    axle_x, axle_y, _ = (0.5 * (left.position + right.position)).tolist()
     return DiffDriveGeometry(
         left.joint.name,
         right.joint.name,

@@ -212,8 +212,8 @@ class OdometryParameters(Parameters):
         super().__post_init__()
         if not self.odom_frame_id or self.odom_frame_id == self.base_frame_id:
             raise InvalidParameter(
-                f'odom_frame_id must be a frame other than base_frame_id, got '
-                f'{self.odom_frame_id!r}'
+                'odom_frame_id must be a frame other than base_frame_id, which is the root link '
+                f'unless it is given, got {self.odom_frame_id!r} for both: rename one'
             )
 
 

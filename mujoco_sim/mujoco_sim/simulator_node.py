@@ -87,7 +87,7 @@ class SimulatorNode(Node):
         self.simulation = simulation or Simulation(world, self.settings.speed)
         self._has_clock = self.simulation.world is world
         self._world = world
-        self._root = world.prefix + robot.robot.moving_link
+        self._root = world.prefix + robot.robot.root
         self._commanded_at = self._commanded_since = 0.0
         self._hold = AnswerHold()
         self._is_braking = True

@@ -39,7 +39,7 @@ class TruthPublisher:
     def __init__(self, node: Node, world: World, robot: Robot) -> None:
         self._node = node
         self._world = world
-        self._odom, self._root = f'{world.prefix}odom', world.prefix + robot.moving_link
+        self._odom, self._root = f'{world.prefix}odom', world.prefix + robot.root
         self._truth = node.create_publisher(Odometry, 'ground_truth/odom', RELIABLE)
         self._error = node.create_publisher(Odometry, 'odom_error', RELIABLE)
         self._odometry: Any = None

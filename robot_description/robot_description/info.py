@@ -266,7 +266,7 @@ def check_kinematics(description: Description) -> tuple[Deviation, ...]:
     from robot_description.pinocchio_model import bare_urdf
 
     random = np.random.default_rng(0)
-    robot, text = description.robot, bare_urdf(description.urdf)
+    robot, text = description.robot, bare_urdf(description)
     libraries = {
         'MuJoCo': _in_mujoco(text),
         'Pinocchio': _in_pinocchio(description),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """URDF to Pinocchio: the same joints as in MuJoCo, found by name."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 import xml.etree.ElementTree as ElementTree
 
@@ -11,12 +11,9 @@ from wasd_core.errors import DescriptionError, one_line
 from wasd_core.rotations import Pose
 
 from robot_description.description import Description
-from robot_description.robot import Link, MOVABLE, WORLD_LINK
+from robot_description.robot import Link, MOVABLE
 from robot_description.urdf import INERTIA_COMPONENTS
 
-# What an inertial is made of, and what is left out of it.
-INERTIAL_PARTS = ('origin', 'mass', 'inertia')
-ZEROS = {'mass': {'value': '0'}, 'inertia': dict.fromkeys(INERTIA_COMPONENTS, '0')}
 # A joint without limits goes as far as anybody will ask for.
 NO_LIMIT = {'lower': '-1e9', 'upper': '1e9', 'effort': '0', 'velocity': '0'}
 
@@ -41,8 +38,7 @@ def to_pinocchio(
     """
     joints = description.robot.joints
     fixed = {name: joints[name].transform(position) for name, position in held.items()}
-    links = description.robot.links if for_control else {}
-    text = bare_urdf(description.urdf, for_control, fixed, links)
+    text = bare_urdf(description, for_control, fixed)
     try:
         if description.robot.is_fixed and not for_control:
             return pin.buildModelFromXML(text)
@@ -79,26 +75,32 @@ def link_positions(model: pin.Model, q: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def bare_urdf(
-    urdf: str,
+    description: Description,
     for_control: bool = False,
     fixed: Mapping[str, Pose] = MappingProxyType({}),
-    links: Mapping[str, Link] = MappingProxyType({}),
 ) -> str:
     """
     Return the URDF without shapes, materials and tags, which urdfdom has complaints about.
 
-    Of repeated tags the first counts, as for `parse_urdf`; what is left out is URDF's default.
-    urdfdom also wants a name for the robot and all of a limit for joints that may have one. What
-    `for_control` changes is said at `to_pinocchio`; `fixed` joints are so, with these poses,
-    and `links` have the inertias that they have there.
+    Links and joints are those of `description.robot`, masses and inertias, too. Of repeated tags
+    the first counts, as for `parse_urdf`; what is left out is URDF's default. urdfdom also wants a
+    name for the robot and all of a limit for joints that may have one. What `for_control` changes
+    is said at `to_pinocchio`; `fixed` joints are so, with these poses.
     """
-    source = ElementTree.fromstring(urdf)
+    robot, source = description.robot, ElementTree.fromstring(description.urdf)
+    links = {
+        name: link
+        for name, link in robot.links.items()
+        if not (for_control and robot.is_fixed and name == robot.root)
+    }
     bare = ElementTree.Element('robot', name=source.get('name') or 'robot')
     for element in source:
-        if element.tag == 'link' and not (for_control and element.get('name') == WORLD_LINK):
-            _add_link(bare, element, links.get(element.get('name', '')))
-        elif element.tag == 'joint' and not (for_control and _hangs_on_world(element)):
-            name = element.get('name', '')
+        name = element.get('name', '')
+        if element.tag == 'link' and name in links:
+            _add_link(bare, links[name])
+        elif (
+            element.tag == 'joint' and name in robot.joints and robot.joints[name].parent in links
+        ):
             if name in fixed:
                 _add_fixed_joint(bare, element, fixed[name])
             else:
@@ -106,38 +108,33 @@ def bare_urdf(
     return ElementTree.tostring(bare, encoding='unicode')
 
 
-def _add_link(robot: ElementTree.Element, link: ElementTree.Element, known: Link | None) -> None:
-    """Add a link with its inertial, if that has all parts: else urdfdom refuses the file."""
-    bare = ElementTree.SubElement(robot, 'link', link.attrib)
-    inertial = link.find('inertial')
-    parts = [inertial.find(tag) for tag in INERTIAL_PARTS] if inertial is not None else []
-    if not parts or None in parts[1:]:
+def _add_link(robot: ElementTree.Element, link: Link) -> None:
+    """Add a link with its inertial, if it has a mass."""
+    bare = ElementTree.SubElement(robot, 'link', name=link.name)
+    if link.mass == 0.0:
         return
-    into = ElementTree.SubElement(bare, 'inertial')
-    for tag, part in zip(INERTIAL_PARTS, parts, strict=True):
-        if part is not None:
-            attributes = {**ZEROS.get(tag, {}), **part.attrib}
-            if tag == 'inertia' and known is not None:
-                upper = known.inertia[np.triu_indices(3)].tolist()
-                attributes = dict(zip(INERTIA_COMPONENTS, map(repr, upper), strict=True))
-            ElementTree.SubElement(into, tag, attributes)
+    inertial = ElementTree.SubElement(bare, 'inertial')
+    _add_origin(inertial, link.inertial.position, link.inertial.rpy)
+    ElementTree.SubElement(inertial, 'mass', value=repr(link.mass))
+    moments = map(repr, link.inertia[np.triu_indices(3)].tolist())
+    ElementTree.SubElement(
+        inertial, 'inertia', dict(zip(INERTIA_COMPONENTS, moments, strict=True))
+    )
 
 
-def _hangs_on_world(joint: ElementTree.Element) -> bool:
-    """Whether a joint holds the robot on the link `world`."""
-    parent = joint.find('parent')
-    return parent is not None and parent.get('link') == WORLD_LINK
+def _add_origin(element: ElementTree.Element, xyz: Iterable[float], rpy: Iterable[float]) -> None:
+    """Add a pose: a position [m], and roll, pitch and yaw [rad]."""
+    text = {
+        key: ' '.join(map(repr, map(float, part))) for key, part in (('xyz', xyz), ('rpy', rpy))
+    }
+    ElementTree.SubElement(element, 'origin', text)
 
 
 def _add_fixed_joint(robot: ElementTree.Element, joint: ElementTree.Element, pose: Pose) -> None:
     """Add a joint as if it were fixed with its child at a pose in its parent."""
     bare = ElementTree.SubElement(robot, 'joint', {**joint.attrib, 'type': 'fixed'})
     bare.extend(part for part in joint if part.tag in ('parent', 'child'))
-    place, turn = pose.position, pin.rpy.matrixToRpy(pose.rotation)
-    text = {
-        key: ' '.join(map(repr, map(float, part))) for key, part in (('xyz', place), ('rpy', turn))
-    }
-    ElementTree.SubElement(bare, 'origin', text)
+    _add_origin(bare, pose.position, pin.rpy.matrixToRpy(pose.rotation))
 
 
 def _add_joint(robot: ElementTree.Element, joint: ElementTree.Element, bounded: bool) -> None:

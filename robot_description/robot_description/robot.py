@@ -184,12 +184,6 @@ class Robot:
         return next((j.child for j in self.joints.values() if j.parent == self.root), self.root)
 
     @property
-    def moving_link(self) -> str:
-        """The link that moves with the robot: the base if it floats in a world, else the root."""
-        joint = self.parent_joints.get(self.base)
-        return self.base if joint is not None and joint.kind in LOOSE else self.root
-
-    @property
     def root_joint(self) -> str:
         """A name for the joint by which it floats that no joint of its own has."""
         name = ROOT_JOINT

@@ -20,6 +20,7 @@ from robot_description.robot import (
     JOINT_KINDS,
     LIMITED,
     Link,
+    LOOSE,
     MOVABLE,
     Robot,
     Shape,
@@ -158,6 +159,9 @@ def parse_urdf(text: str) -> Robot:
     """
     Parse URDF text.
 
+    A root without mass and shapes on which all else hangs by a planar or floating joint stands
+    for the robot's surroundings: it is left out with the joint, and the child is the root.
+
     Raises:
         DescriptionError: not XML, no links, a name or a child used twice, a joint to a link that
             does not exist, no or several roots, a loop, a mimic of nothing or in a circle, or
@@ -168,12 +172,23 @@ def parse_urdf(text: str) -> Robot:
     colours = read_colours(tree)
     links = _by_name([_link(tag, colours) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
-    root = _find_root(links, joints)
+    root, notes = _find_root(links, joints), list(_notes(tree))
+    while (joint := _free_joint(links[root], joints)) is not None:
+        notes.append(f'joint {joint.name!r} lets the robot move freely in {root!r}: it floats')
+        del links[root], joints[joint.name]
+        root = joint.child
     _check_mimics(joints)
     friction, self_collide = _friction(tree), _self_collide(tree)
     gazebo = tuple(tree.findall('gazebo'))
-    name, notes = tree.get('name', ''), tuple(_notes(tree))
-    return Robot(name, root, links, joints, friction, self_collide, gazebo, notes=notes)
+    name = tree.get('name', '')
+    return Robot(name, root, links, joints, friction, self_collide, gazebo, notes=tuple(notes))
+
+
+def _free_joint(root: Link, joints: Mapping[str, Joint]) -> Joint | None:
+    """Return the joint by which a robot moves freely in what its root stands for, if it does."""
+    on_root = [joint for joint in joints.values() if joint.parent == root.name]
+    is_free = len(on_root) == 1 and on_root[0].kind in LOOSE
+    return on_root[0] if is_free and not root.mass and not root.shapes else None
 
 
 def _notes(tree: ElementTree.Element) -> Iterator[str]:

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped begins lying, with real motors and sensors; other robots as they are."""
 
+from pathlib import Path
+
 from descriptions import robot_named
 from mujoco_sim.robot_setup import COMMAND_DELAY, RobotSetup, usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
+from robot_description.description import parse_description
 
 pytestmark = pytest.mark.slow
 
@@ -22,6 +25,20 @@ def mbot():
 
 def test_mbot_is_put_into_the_world_as_it_is(mbot):
     assert usual_setup(mbot) == RobotSetup()
+
+
+def test_what_floats_on_a_world_is_put_on_the_floor_wherever_its_joint_has_it():
+    body = (
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    )
+    read = parse_description(
+        f'<robot name="r"><link name="world"/><link name="base">{body}</link><joint name="j" '
+        'type="floating"><origin xyz="0 0 0.05"/><parent link="world"/><child link="base"/>'
+        '</joint></robot>',
+        Path('r.urdf'),
+    )
+    assert build_world(read, setup=usual_setup(read)).base().position[2] == pytest.approx(0.05)
 
 
 def test_the_go2_has_noise_a_delay_and_speed_limits(go2):

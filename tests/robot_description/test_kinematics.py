@@ -78,6 +78,23 @@ def test_a_robot_that_hangs_on_the_world_is_fixed_in_pinocchio_too():
     assert max(deviation.distance for deviation in check_kinematics(hung)) < 1e-6
 
 
+def test_what_moves_freely_in_a_world_does_in_pinocchio_too():
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    urdf = (
+        f'<robot name="r"><link name="world"/><link name="a">{body}</link>'
+        f'<link name="b">{body}</link><joint name="j" type="planar"><origin xyz="0 0 1"/>'
+        '<parent link="world"/><child link="a"/></joint><joint name="k" type="continuous">'
+        '<origin xyz="1 0 0"/><parent link="a"/><child link="b"/></joint></robot>'
+    )
+    read = parse_description(urdf, Path('r.urdf'))
+    for for_control, count in ((False, 9), (True, 8)):
+        model = to_pinocchio(read, for_control=for_control)
+        assert (model.nq, pin.computeTotalMass(model)) == (count, 2.0)
+        assert list(model.names[1:]) == ['root', 'k']
+    pytest.importorskip('yourdfpy')
+    assert max(deviation.distance for deviation in check_kinematics(read)) < 1e-12
+
+
 @pytest.mark.slow
 def test_for_control_a_robot_is_free_and_each_joint_one_number():
     hung = read_description(description_path('go2'), arguments={'DEBUG': 'true'})
@@ -86,6 +103,12 @@ def test_for_control_a_robot_is_free_and_each_joint_one_number():
     turning = len(wheeled.robot.movable_joints)  # none has limits
     assert to_pinocchio(wheeled).nq == 7 + 2 * turning
     assert to_pinocchio(wheeled, for_control=True).nq == 7 + turning
+
+
+def test_a_mass_without_an_inertia_is_a_mass_in_pinocchio_too():
+    load = "<inertial><mass value='6'/></inertial>"
+    read = parse_description(f"<robot><link name='a'>{load}</link></robot>", Path('r.urdf'))
+    assert pin.computeTotalMass(to_pinocchio(read)) == read.robot.mass == 6.0
 
 
 def test_what_pinocchio_cannot_read_is_one_line():

@@ -48,6 +48,15 @@ def test_a_tag_that_is_misspelt_is_said_with_what_was_meant():
     assert any('did you mean collision?' in one.message for one in found)
 
 
+def test_a_joint_on_an_empty_root_may_float(tmp_path):
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    (path := tmp_path / 'free.urdf').write_text(
+        f'<robot name="free"><link name="odom"/><link name="base">{body}</inertial></link>'
+        '<joint name="j" type="floating"><parent link="odom"/><child link="base"/></joint></robot>'
+    )
+    assert not [one.line() for one in lint(XacroSession(path))]
+
+
 def test_every_rule_has_a_fixture():
     codes = {code for path in [*FILES, MBOT / 'mbot_base.xacro'] for _, code in announced(path)}
     assert codes == set(RULES)

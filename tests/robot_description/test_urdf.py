@@ -48,6 +48,30 @@ def test_a_turn_keeps_its_axis_and_adds_up(angle):
     )
 
 
+@for_all('name, kind', [('world', 'floating'), ('odom', 'planar'), ('base_footprint', 'floating')])
+def test_an_empty_root_in_which_a_robot_moves_freely_is_no_part_of_it(name, kind):
+    rest = joint(name, 'base', kind, '<origin xyz="1 2 3" rpy="0 0 3"/>') + joint('base', 'a')
+    read = parse_urdf(robot(name, 'base', 'a', rest=rest))
+    assert (read.root, list(read.joints), read.is_fixed) == ('base', ['base_a'], False)
+    assert read.notes == (
+        f"joint '{name}_base' lets the robot move freely in {name!r}: it floats",
+    )
+
+
+@for_all(
+    'inside, more',
+    [
+        ('<inertial><mass value="1"/></inertial>', ''),
+        ('<visual><geometry><sphere radius="1"/></geometry></visual>', ''),
+        ('', joint('odom', 'b')),
+    ],
+)
+def test_a_root_with_a_body_or_two_joints_is_a_part_of_the_robot(inside, more):
+    text = robot('base', 'b', rest=joint('odom', 'base', 'planar') + (more or joint('base', 'b')))
+    read = parse_urdf(text.replace('<link', f'<link name="odom">{inside}</link><link', 1))
+    assert (read.root, len(read.joints), read.notes) == ('odom', 2, ())
+
+
 def test_a_link_is_where_the_joints_above_put_it():
     text = robot(
         'a', 'b', 'c',

@@ -90,6 +90,14 @@ def check_massless(model: Model, robot: Robot) -> Iterator[Finding]:
             yield finding('no-mass', link.place, text)
 
 
+def check_floating(model: Model, robot: Robot) -> Iterator[Finding]:
+    """Nothing floats within the robot."""
+    for joint in robot.joints.values():
+        if joint.kind == 'floating':
+            text = f'joint {joint.name!r} lets {joint.child!r} float within the robot'
+            yield finding('floating-joint', model.joints[joint.name].place, text)
+
+
 def check_size(model: Model, robot: Robot) -> Iterator[Finding]:
     """Its lengths are those of a robot."""
     for line in absurd_size(robot):

@@ -71,7 +71,7 @@ RULES = {
         Rule('mimic-circle', ERROR, 'joints mimic each other in a circle',
              'let one of them move by itself: remove its `<mimic>`'),
         Rule('floating-joint', ERROR,
-             'a joint floats within the robot; only what hangs on a root link `world` may',
+             'a joint floats within the robot; only one alone on an empty root may',
              'make it fixed, or let its child be a robot of its own'),
         Rule('arbotix-joint-name', INFO, "wheel joints have arbotix's names",
              '`describe fix --rename base_l_wheel_joint:=left_wheel_joint`'),

@@ -24,7 +24,6 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     structure.check_links_exist,
     structure.check_one_tree,
     structure.check_joints,
-    structure.check_floating,
     structure.check_mimics,
     structure.check_joint_references,
     structure.check_arbotix_names,
@@ -84,8 +83,10 @@ def lint(session: XacroSession, expected_joints: Sequence[str] = ()) -> list[Fin
             if not any(one.is_error for one in found):  # which tell the same, with lines
                 found.append(finding('not-readable', model.robot.place, str(error)))
         else:
-            found += islice(geometry.check_massless(model, robot), MOST_FINDINGS)
-            found += geometry.check_size(model, robot)
+            for check_robot in (
+                geometry.check_massless, geometry.check_floating, geometry.check_size,
+            ):  # fmt: skip
+                found += islice(check_robot(model, robot), MOST_FINDINGS)
             found += _check_meshes(model, robot, session.sources)
     return _in_order(_causes([*found, *_check_macro_calls(session.sources)]))
 

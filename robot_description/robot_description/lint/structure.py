@@ -12,7 +12,7 @@ from wasd_core.safe_files import Place
 from robot_description.lint.model import Element, end, Model, MOVING_KINDS
 from robot_description.lint.rules import Finding, finding
 from robot_description.morphology.names import guess_name, hint_at, sides, words
-from robot_description.robot import LIMITED, MOVABLE, WORLD_LINK
+from robot_description.robot import LIMITED, MOVABLE
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.
 CHILDREN = {
@@ -282,15 +282,6 @@ def _check_limit(joint: Element, kind: str) -> Iterator[Finding]:
     if lower > upper and kind != 'continuous':
         text = f'joint {joint.name!r} goes from {lower:g} down to {upper:g}'
         yield finding('reversed-limit', limit.place, text)
-
-
-def check_floating(model: Model) -> Iterator[Finding]:
-    """Nothing floats within the robot."""
-    for joint in model.joints.values():
-        is_held = end(joint, 'parent') == WORLD_LINK and WORLD_LINK not in model.joint_above
-        if joint.attributes.get('type') == 'floating' and not is_held:
-            text = f'joint {joint.name!r} lets {end(joint, "child")!r} float within the robot'
-            yield finding('floating-joint', joint.place, text)
 
 
 def check_mimics(model: Model) -> Iterator[Finding]:

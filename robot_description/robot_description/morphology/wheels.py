@@ -30,7 +30,7 @@ from robot_description.morphology.tyre import (
     Tyre,
 )
 from robot_description.morphology.vehicles import other_vehicle
-from robot_description.robot import Joint, LOOSE, Robot
+from robot_description.robot import Joint, Robot
 
 # Lengths of a description that differ by no more than this are meant to be equal: CAD rounds to
 # 1 mm on each side [m].
@@ -210,7 +210,7 @@ def _wheel(
         return f'has its axis {off:.3g} degrees off y ({limit:g} are taken)'
     if joint.mimics:
         return f'mimics {joint.mimics!r}, a driven wheel has a motor of its own'
-    above = tuple(each for each in joints_above(robot, joint) if each.kind not in LOOSE)
+    above = joints_above(robot, joint)
     # A waist, with all that the robot rolls on below it, is held as what it carries is.
     mounts = [each for each in above if robot.is_fixed or not carries_all(each, rollers)]
     swivel = next((each for each in mounts if is_upright(robot, each)), None)

@@ -49,7 +49,6 @@ def to_mujoco(robot: Robot, visuals: bool = False) -> mujoco.MjSpec:
     Raises:
         DescriptionError: what MuJoCo cannot have of it, in one line.
     """
-    _check_floating(robot)
     with _one_line():
         spec = _new_spec(robot)
         bodies = _add_bodies(spec, robot)
@@ -126,15 +125,6 @@ def add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
 
 
-def _check_floating(robot: Robot) -> None:
-    for joint in robot.joints.values():
-        if joint.kind == 'floating' and not (robot.is_fixed and joint.parent == robot.root):
-            raise DescriptionError(
-                f'joint {joint.name!r} floats within the robot: only what hangs on a root link '
-                "'world' may"
-            )
-
-
 def _add_bodies(spec: mujoco.MjSpec, robot: Robot) -> dict[str, mujoco.MjsBody]:
     """Add a body for each link where its joint is at 0; MuJoCo has a body `world` already."""
     bodies: dict[str, mujoco.MjsBody] = {}
@@ -157,8 +147,11 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
     added = []
     if joint.kind == 'floating':
-        added.append(body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_FREE))
-    elif joint.kind == 'planar':
+        raise DescriptionError(
+            f'joint {joint.name!r} floats within the robot: only one that alone hangs the robot '
+            'on a root without mass and shapes may'
+        )
+    if joint.kind == 'planar':
         # Along two axes of its plane and about the normal on it, the joint's axis.
         turn = _turn_from_x(joint.axis)
         for end, kind, axis in (

@@ -127,7 +127,7 @@ class Go2(Robot):
             given['eyes'] = True
         if world.prefix:
             given['odom_frame'] = f'{world.prefix}odom'
-            given['base_frame'] = world.prefix + self.description.robot.moving_link
+            given['base_frame'] = world.prefix + self.description.robot.root
         return given
 
     @property

@@ -78,7 +78,7 @@ class Mbot(Robot):
         if world.prefix:
             # Of one of several robots; alone, a controller file may name them.
             given['odom_frame_id'] = f'{world.prefix}odom'
-            given['base_frame_id'] = world.prefix + self.description.robot.moving_link
+            given['base_frame_id'] = world.prefix + self.description.robot.root
         return {name: value for name, value in given.items() if value}
 
     @property

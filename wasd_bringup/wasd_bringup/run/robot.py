@@ -211,7 +211,7 @@ class Robot(ABC):
     def frames(self) -> tuple[str, str]:
         """The frames of odometry and of the base."""
         prefix = self.world.prefix
-        return f'{prefix}odom', prefix + self.description.robot.moving_link
+        return f'{prefix}odom', prefix + self.description.robot.root
 
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion by keys."""
