@@ -11,7 +11,7 @@ from typing import Any
 from wasd_core.errors import DescriptionError
 
 from robot_description.meshes.opening import open_meshes, with_stand_ins
-from robot_description.meshes.resolver import MeshReport, resolve_meshes
+from robot_description.meshes.resolver import MeshReport, MeshResolver
 from robot_description.morphology.equip_wheels import equip_drive, hanging
 from robot_description.morphology.kinds import Kind, name_kind
 from robot_description.morphology.quadruped import (
@@ -63,8 +63,10 @@ class Description:
             NotAQuadruped: what was found instead.
         """
         if isinstance(self._quadruped, NotAQuadruped):
+            what, cure = self.nature
+            instead = f'; {self.robot.name!r} is {what}: {cure}' if what else ''
             # A new one: what is raised holds on to its callers, and this is kept.
-            raise NotAQuadruped(f'{self._quadruped}{self._is_instead}', self._quadruped.limbs)
+            raise NotAQuadruped(f'{self._quadruped}{instead}', self._quadruped.limbs)
         return self._quadruped
 
     @property
@@ -90,12 +92,6 @@ class Description:
     def nature(self) -> Kind:
         """What the robot is in words, and what to do with it."""
         return name_kind(self.robot, self.drive)
-
-    @property
-    def _is_instead(self) -> str:
-        """What the robot is in place of a quadruped, as the end of a refusal."""
-        what, cure = self.nature
-        return f'; {self.robot.name!r} is {what}: {cure}' if what else ''
 
     @cached_property
     def drive(self) -> Drive:
@@ -143,7 +139,7 @@ def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Des
     """
     try:
         robot, lines = credible_inertias(parse_urdf(urdf))
-        meshes = open_meshes(robot, resolve_meshes(robot, path, search))
+        meshes = open_meshes(robot, MeshResolver(robot, path, search).report())
         robot = with_stand_ins(replace(robot, mesh_files=meshes.files), meshes.is_usable)
         return Description(path, urdf, robot, meshes, (*robot.notes, *lines, *absurd_size(robot)))
     except DescriptionError as error:

@@ -114,33 +114,29 @@ def _joint_record(joint: Joint) -> dict[str, Any]:
 
 def print_info(info: Description) -> None:
     """Print the robot's tree, its joints and its meshes."""
-    with unguarded(sys.stdout) as file:
-        console = Console(file=file, highlight=False)
-        if not console.is_terminal:
-            console.width = WIDTH
-        _print_info(console, info)
-
-
-def _print_info(console: Console, info: Description) -> None:
     robot = info.robot
     root = _shown(robot.root)
     base = f'hangs on {root}' if robot.is_fixed else f'floats, root {root}'
     movable = len(robot.movable_joints)
-    console.print(
-        f'[bold]{_shown(robot.name)}[/]  {info.kind}, {_kilograms(robot.mass)} kg, {base}; '
-        f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
-    )
-    if info.kind == QUADRUPED:
-        console.print(_legs(info.quadruped))
-    for line in _why(info):
-        console.print(_shown(line), soft_wrap=True)
-    console.print(_tree(robot))
-    if movable:
-        console.print(_joints(robot.movable_joints))
-    if info.meshes.records:
-        console.print(_meshes(info.meshes.records))
-    for line in (*info.warnings, *info.repairs):
-        console.print(_shown(line), soft_wrap=True)
+    with unguarded(sys.stdout) as file:
+        console = Console(file=file, highlight=False)
+        if not console.is_terminal:
+            console.width = WIDTH
+        console.print(
+            f'[bold]{_shown(robot.name)}[/]  {info.kind}, {_kilograms(robot.mass)} kg, {base}; '
+            f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
+        )
+        if info.kind == QUADRUPED:
+            console.print(_legs(info.quadruped))
+        for line in _why(info):
+            console.print(_shown(line), soft_wrap=True)
+        console.print(_tree(robot))
+        if movable:
+            console.print(_joints(robot.movable_joints))
+        if info.meshes.records:
+            console.print(_meshes(info.meshes.records))
+        for line in (*info.warnings, *info.repairs):
+            console.print(_shown(line), soft_wrap=True)
 
 
 def _why(info: Description) -> Iterator[str]:

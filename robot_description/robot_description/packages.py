@@ -75,11 +75,6 @@ def own_folder(description: Path) -> Path:
     return folder.parent if folder.name.lower() in DESCRIPTION_FOLDERS else folder
 
 
-def own_folders(description: Path) -> tuple[Path, ...]:
-    """Return `own_folder` of a description, and that of the file it links to, if another."""
-    return tuple(dict.fromkeys(own_folder(path) for path in linked(description)))
-
-
 def linked(description: Path) -> tuple[Path, ...]:
     """Return the absolute path of a description, and of the file it links to, if another."""
     return tuple(dict.fromkeys((description.absolute(), _resolved(description))))
@@ -111,25 +106,18 @@ def workspaces(description: Path) -> list[Path]:
 def packages_below(folder: Path) -> dict[str, list[Path]]:
     """Return the packages in a folder, itself included, by name; links are not followed."""
     packages: dict[str, list[Path]] = {}
-    for place in _folders_below(folder):
-        name = manifest_name(place)
-        if name is not None:
-            packages.setdefault(name, []).append(place)
-    return packages
-
-
-def _folders_below(folder: Path) -> Iterator[Path]:
     for count, (place, folders, files) in enumerate(os.walk(folder)):
         if count > MOST_FOLDERS:
-            return
+            break
         is_package = MANIFEST in files
         if is_package or IGNORE_MARKERS & set(files):
             folders.clear()  # packages do not nest
         folders[:] = sorted(
             name for name in folders if name not in SKIPPED and not name.startswith('.')
         )
-        if is_package:
-            yield Path(place)
+        if is_package and (name := manifest_name(Path(place))) is not None:
+            packages.setdefault(name, []).append(Path(place))
+    return packages
 
 
 def _above(description: Path) -> Iterator[Path]:
@@ -167,8 +155,8 @@ class PackageFinder:
     def __init__(self, search: Sequence[Path] = (), description: Path | None = None) -> None:
         self.search = tuple(Path(folder).resolve() for folder in search)
         self._description = description
-        self.own = own_folders(description) if description is not None else ()
         paths = linked(description) if description is not None else ()
+        self.own = tuple(dict.fromkeys(map(own_folder, paths)))
         self._around = list(dict.fromkeys(folder for p in paths for folder in workspaces(p)))
         self._below = cache(packages_below)
 

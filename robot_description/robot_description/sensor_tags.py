@@ -81,13 +81,6 @@ PAIRS = (
 Find = Callable[[str], str | None]
 
 
-def paths(kind: str, tail: str) -> tuple[str, ...]:
-    """Return where a sensor of a type may have a number, the likeliest first."""
-    within = tuple(f'{holder}/{tail}' for holder in HOLDERS.get(kind, ()))
-    beside = tail in ('noise/stddev', 'noise/type', 'update_rate')
-    return (*within, tail) if beside else within
-
-
 def number(kind: str, tail: str, find: Find) -> float | None:
     """
     Return a number of a sensor's tag; None where the tag does not name it.
@@ -131,17 +124,16 @@ def why_broken(kind: str, find: Find) -> str:
         return str(error)
     if noise is not None and noise[1].strip() not in NOISE_TYPES:
         return f'{noise[0]} must be one of {", ".join(NOISE_TYPES)}, got {noise[1].strip()!r}'
-    return _why_no_pose(find('pose') or '')
+    pose = (find('pose') or '').strip()
+    if pose and (len(pose.split()) != 6 or any(map(Bounds().why_not, pose.split()))):
+        return f'pose must be 6 numbers, got {pose!r}'
+    return ''
 
 
 def _first(kind: str, tail: str, find: Find) -> tuple[str, str] | None:
-    """Return the first path of a number that the tag has, with its text."""
-    found = ((path, find(path)) for path in paths(kind, tail))
+    """Return the likeliest path of a number that the tag has, with its text."""
+    paths = [f'{holder}/{tail}' for holder in HOLDERS.get(kind, ())]
+    if tail in ('noise/stddev', 'noise/type', 'update_rate'):  # or in the sensor itself
+        paths.append(tail)
+    found = ((path, find(path)) for path in paths)
     return next(((path, text) for path, text in found if text is not None), None)
-
-
-def _why_no_pose(text: str) -> str:
-    words = text.split()
-    if words and (len(words) != 6 or any(Bounds().why_not(word) for word in words)):
-        return f'pose must be 6 numbers, got {text.strip()!r}'
-    return ''

@@ -21,7 +21,7 @@ from wasd_core.topics import LATCHED, SENSOR_DATA, TfBroadcaster
 from robot_description.description import Description, equip, read_description
 from robot_description.meshes.files import published_urdf
 from robot_description.morphology.names import unknown_joint_warning
-from robot_description.morphology.wheel_file import read_wheel_choice
+from robot_description.morphology.wheels import read_wheel_choice
 from robot_description.packages import description_path
 from robot_description.parameters import state_publisher, StatePublisherParameters
 from robot_description.robot import Joint
@@ -54,7 +54,11 @@ class StatePublisherNode(Node):
         self._static = TfBroadcaster(self, static=True)
         self._moving = TfBroadcaster(self)
         # Stamp 0: true at any time, whichever clock a listener goes by.
-        self._static.send(self._fixed_transforms(Time()))
+        self._static.send(
+            self._transform(joint, joint.pose, Time())
+            for joint in self._robot.joints.values()
+            if joint.kind == 'fixed'
+        )
         if robot is None:
             joints = self._on_joint_states
             self.create_subscription(JointState, 'joint_states', joints, SENSOR_DATA)
@@ -99,13 +103,6 @@ class StatePublisherNode(Node):
 
     def _on_change(self, changed: StatePublisherParameters) -> None:
         self.settings = changed
-
-    def _fixed_transforms(self, stamp: Time) -> list[TransformStamped]:
-        return [
-            self._transform(joint, joint.pose, stamp)
-            for joint in self._robot.joints.values()
-            if joint.kind == 'fixed'
-        ]
 
     def _transform(self, joint: Joint, pose: Pose, stamp: Time) -> TransformStamped:
         parent, child = self._prefix + joint.parent, self._prefix + joint.child

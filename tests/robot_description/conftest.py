@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import pytest
-from robot_description.meshes.resolver import MeshReport, resolve_meshes
+from robot_description.meshes.resolver import MeshReport, MeshResolver
 from robot_description.urdf import parse_urdf
 
 STL = """solid {}
@@ -74,6 +74,6 @@ def resolve(package: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Mes
 
     def describe(*urls: str, search=(), use: str = 'visual') -> MeshReport:
         robot = parse_urdf(_urdf(*urls, use=use))
-        return resolve_meshes(robot, package / 'urdf/dog.urdf', search)
+        return MeshResolver(robot, package / 'urdf/dog.urdf', search).report()
 
     return describe

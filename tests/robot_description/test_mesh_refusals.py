@@ -6,7 +6,7 @@ import os
 
 import pytest
 from robot_description.description import load_robot
-from robot_description.meshes.resolver import MeshRecord, MeshReport, resolve_meshes
+from robot_description.meshes.resolver import MeshRecord, MeshReport, MeshResolver
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 
@@ -124,7 +124,7 @@ def test_without_a_package_the_folder_and_its_neighbours_are_used(tmp_path, put)
     visual = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
     text = f'<robot name="r"><link name="a">{visual}</link></robot>'
     for url in ('../meshes/a.stl', 'package://bare/meshes/a.stl'):
-        report = resolve_meshes(parse_urdf(text.format(url)), tmp_path / 'bare/urdf/r.urdf')
+        report = MeshResolver(parse_urdf(text.format(url)), tmp_path / 'bare/urdf/r.urdf').report()
         assert first(report) == ('exact', tmp_path / 'bare/meshes/a.stl')
 
 

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping
 import itertools
 from pathlib import Path
 import re
-from typing import NamedTuple
 from xml.sax.saxutils import escape
 
 from wasd_core.errors import DescriptionError
@@ -177,14 +176,6 @@ def _is_negative(one: str, other: str) -> bool:
         return bool(one) and other.replace(' ', '') in (f'-{one}', one.removeprefix('-'))
 
 
-class _Spot(NamedTuple):
-    """Where a name stands: an attribute of a tag at a place, or its text."""
-
-    place: Place
-    tag: str
-    attribute: str | None
-
-
 def read_renames(texts: list[str]) -> dict[str, str]:
     """
     Return the renames of words `old:=new`.
@@ -215,31 +206,36 @@ def rename_joints(workspace: Workspace, renames: Mapping[str, str]) -> Iterator[
             raise DescriptionError(f'--rename {old}: there is no such joint{hint}')
         if new in model.joints and new not in renames:
             raise DescriptionError(f'--rename {old}:={new}: there is a joint {new!r} already')
-    for spot in set(_spots(model.robot, renames)):
-        edit = _edit(workspace, spot, renames)
+    for place, tag, attribute in set(_spots(model.robot, renames)):
+        edit = _edit(workspace, workspace.tag_at(place, tag), attribute, place.file, renames)
         if edit is not None:
             yield edit
 
 
-def _spots(robot: Element, renames: Mapping[str, str]) -> Iterator[_Spot]:
+def _spots(robot: Element, renames: Mapping[str, str]) -> Iterator[tuple[Place, str, str | None]]:
+    """Yield where a name stands: an attribute of a tag at a place, or its text."""
     for element in robot.walk():
         if element.tag in LINK_TAGS:
             continue
         for attribute, value in element.attributes.items():
             if value in renames:
-                yield _Spot(element.place, element.tag, attribute)
+                yield element.place, element.tag, attribute
         if element.text in renames:
-            yield _Spot(element.place, element.tag, None)
+            yield element.place, element.tag, None
 
 
-def _edit(workspace: Workspace, spot: _Spot, renames: Mapping[str, str]) -> Edit | None:
-    path = spot.place.file
-    tag = workspace.tag_at(spot.place, spot.tag)
+def _edit(
+    workspace: Workspace,
+    tag: SourceTag | None,
+    attribute: str | None,
+    path: Path,
+    renames: Mapping[str, str],
+) -> Edit | None:
     if tag is None:  # another package's file
         return None
     data = workspace.sources()[path]
-    if spot.attribute is not None:
-        span = tag.value_span(data, spot.attribute)
+    if attribute is not None:
+        span = tag.value_span(data, attribute)
     else:
         span = (tag.end, tag.close) if tag.close is not None else None
     if span is None:
@@ -248,7 +244,7 @@ def _edit(workspace: Workspace, spot: _Spot, renames: Mapping[str, str]) -> Edit
     if text.strip() in renames:
         return Edit(path, *span, text.replace(text.strip(), renames[text.strip()]))
     choice = _choice(text, renames)
-    if spot.attribute is not None and data[span[0] - 1 : span[0]] == b"'":
+    if attribute is not None and data[span[0] - 1 : span[0]] == b"'":
         choice = choice.replace("'", '&apos;')
     return Edit(path, *span, choice)
 

@@ -75,20 +75,15 @@ def mend(
             mended.append(code)
     if renames:
         workspace.apply(rename_joints(workspace, renames))
-        _check_renamed(workspace, renames)
+        joints = workspace.model().joints
+        for old, new in renames.items():
+            if new not in joints:
+                raise DescriptionError(
+                    f'--rename {old}: cannot be done here: the name is made in a file of another '
+                    'package, or in a way that cannot be changed'
+                )
     left = tuple(workspace.lint())
-    after = dict(workspace.changed)
-    return Fixes(workspace.original, after, tuple(mended), left)
-
-
-def _check_renamed(workspace: Workspace, renames: Mapping[str, str]) -> None:
-    joints = workspace.model().joints
-    for old, new in renames.items():
-        if new not in joints:
-            raise DescriptionError(
-                f'--rename {old}: cannot be done here: the name is made in a file of another '
-                'package, or in a way that cannot be changed'
-            )
+    return Fixes(workspace.original, dict(workspace.changed), tuple(mended), left)
 
 
 def _mend(workspace: Workspace, code: str, fix: Callable[[Workspace], Iterator[Edit]]) -> bool:

@@ -14,7 +14,7 @@ from robot_description.lint.model import Model, to_element
 from robot_description.lint.rules import Finding
 from robot_description.lint.session import lint
 from robot_description.meshes.opening import open_meshes
-from robot_description.meshes.resolver import MeshReport, resolve_meshes
+from robot_description.meshes.resolver import MeshReport, MeshResolver
 from robot_description.packages import own_folder, PackageFinder
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.session import Expansion, XacroSession
@@ -68,7 +68,7 @@ class Workspace:
             DescriptionError: the files do not expand, or to no robot.
         """
         robot = parse_urdf(self._expand().urdf)
-        return open_meshes(robot, resolve_meshes(robot, self.path, self._search))
+        return open_meshes(robot, MeshResolver(robot, self.path, self._search).report())
 
     def with_folders(self, text: str) -> str:
         """Return a text with the folders that its `$(find)` mean."""
@@ -132,15 +132,11 @@ class Workspace:
         for path, data in session.sources.items():
             if path not in self.changed and self.original.setdefault(path, data) != data:
                 raise DescriptionError(f'{path}: changed while it was being mended')
-            if self._is_own(path):
-                _check_encoding(path, data)
+            try:
+                if self._is_own(path):
+                    data.decode()
+            except UnicodeDecodeError:
+                raise DescriptionError(f'{path}: is not UTF-8, so it cannot be mended') from None
 
     def _is_own(self, path: Path) -> bool:
         return path.resolve().is_relative_to(self.folder.resolve())
-
-
-def _check_encoding(path: Path, data: bytes) -> None:
-    try:
-        data.decode()
-    except UnicodeDecodeError:
-        raise DescriptionError(f'{path}: is not UTF-8, so it cannot be mended') from None

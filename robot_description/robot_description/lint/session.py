@@ -9,15 +9,41 @@ from pathlib import Path
 from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import LocatedError, Place
 
-from robot_description.lint import geometry, sensors, structure
-from robot_description.lint.model import Model, to_element
+from robot_description import sensor_tags
+from robot_description.lint import geometry, structure
+from robot_description.lint.model import Element, Model, to_element
 from robot_description.lint.rules import Finding, finding
 from robot_description.meshes.opening import open_meshes
-from robot_description.meshes.resolver import MeshRecord, resolve_meshes, SIZE, UNUSABLE
+from robot_description.meshes.resolver import MeshRecord, MeshResolver, SIZE, UNUSABLE
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.session import XacroSession
 from robot_description.xacro.source import unprefixed_calls, XACRO_TAGS
+
+
+def check_sensors(model: Model) -> Iterator[Finding]:
+    """Lidars and cameras have numbers that can be, and the lower limit below the upper one."""
+    for gazebo in model.robot.all('gazebo'):
+        for sensor in gazebo.all('sensor'):
+            name = repr(sensor.name or sensor.attributes.get('type', ''))
+            for text in _odd(sensor):
+                yield finding('bad-sensor', sensor.place, f'sensor {name}: {text}')
+
+
+def _odd(sensor: Element) -> Iterator[str]:
+    """Yield what a simulator leaves out of a sensor, or takes the other way round."""
+    kind = sensor.attributes.get('type', '')
+    if kind in sensor_tags.HOLDERS:
+
+        def find(path: str) -> str | None:
+            element = sensor.find(path)
+            return element.text if element is not None else None
+
+        wrong = sensor_tags.why_broken(kind, find)
+        yield from [wrong] if wrong else sensor_tags.exchanged(kind, find)
+    elif kind not in sensor_tags.OTHER_TYPES:
+        yield f'the type {kind!r} is unknown to Gazebo'
+
 
 CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     structure.check_names,
@@ -39,7 +65,7 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     geometry.check_sides,
     geometry.check_wheels,
     geometry.check_footprint,
-    sensors.check_sensors,
+    check_sensors,
 )
 # The cure where a mesh lies in a package that happens to be installed here.
 COPY = "copy the file to where the path says, in the description's own package"
@@ -113,7 +139,7 @@ def _in_order(found: list[Finding]) -> list[Finding]:
 def _check_meshes(model: Model, robot: Robot, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
     """Every mesh is where its path says, on other machines, too, and can be used; wheels roll."""
     try:
-        report = open_meshes(robot, resolve_meshes(robot, model.path, model.search))
+        report = open_meshes(robot, MeshResolver(robot, model.path, model.search).report())
     except DescriptionError as error:
         yield finding('not-readable', model.robot.place, str(error))
         return

@@ -153,21 +153,11 @@ def mesh_shapes(robot: Robot) -> list[tuple[Shape, str]]:
     ]
 
 
-def resolve_meshes(robot: Robot, description: Path, search: Sequence[Path] = ()) -> MeshReport:
-    """
-    Find the files of all meshes of a robot; they are not opened yet.
-
-    `description` is the file it was read from, `search` are folders the user gave.
-
-    Raises:
-        DescriptionError: a URL leads out of the folders that a description may use.
-    """
-    return MeshResolver(robot, description, search).report()
-
-
 class MeshResolver:
     """
-    Finds mesh files for one description.
+    Finds the mesh files of a robot; they are not opened yet.
+
+    `description` is the file it was read from, `search` are folders the user gave.
 
     Tried in this order: the file as named in any folder it may mean; other upper and lower case;
     another format of the same name; a unique file of the name elsewhere in the package; and when
@@ -183,7 +173,12 @@ class MeshResolver:
         self._trunk = {link for link, carrier in robot.carriers.items() if carrier == robot.root}
 
     def report(self) -> MeshReport:
-        """Return what became of every mesh of every link."""
+        """
+        Return what became of every mesh of every link.
+
+        Raises:
+            DescriptionError: a URL leads out of the folders that a description may use.
+        """
         places, found = {}, {}
         for url in self._links:
             places[url], leads_out = self._places.of(url)
@@ -257,7 +252,9 @@ class MeshResolver:
             matches = [best] if (best := best_format(alike)) is not None else alike
         if self._links[url] in self._trunk and is_carrier(place.path.stem):
             matches = [path for path in matches if not self._words(path, place) & PARTS]
-        return _decided(kinds, closest(matches, place.path))
+        alike = closest(matches, place.path)
+        file = only(alike)
+        return Found(kinds, file) if file is not None else Found((), None, tuple(alike))
 
     def _guess(self, url: str, places: list[MeshPlace], is_near: bool, used: set[Path]) -> Found:
         """Choose among the meshes that nothing else uses, when only one has a name that fits."""
@@ -287,8 +284,3 @@ def _to_repair(places: list[MeshPlace], is_near: bool) -> list[MeshPlace]:
         place._replace(kinds=(*place.kinds, 'namesake')) if place.rank == NAMESAKE else place
         for place in chosen
     ]
-
-
-def _decided(kinds: tuple[str, ...], matches: list[Path]) -> Found:
-    file = only(matches)
-    return Found(kinds, file) if file is not None else Found((), None, tuple(matches))

@@ -288,22 +288,16 @@ GO2 = Scale()
 @cache
 def _dimension(unit: str) -> tuple[float, float]:
     """Powers of (length, mass) of a unit, e.g. `N m s/rad` or `1/s^2`."""
-    above, _, below = unit.partition('/')
-    length, mass = _powers(above)
-    length_below, mass_below = _powers(below)
-    return length - length_below, mass - mass_below
-
-
-def _powers(product: str) -> tuple[float, float]:
-    """Powers of (length, mass) of units multiplied, e.g. `N m s` or `s^2`."""
     length = mass = 0.0
-    for factor in product.split():
-        found = re.fullmatch(r'(\w+?)(?:\^(\d+))?', factor)
-        if found is None or found[1] not in _POWERS:
-            raise ValueError(f'unknown unit {factor!r}')
-        power = float(found[2] or 1)
-        length += power * _POWERS[found[1]][0]
-        mass += power * _POWERS[found[1]][1]
+    above, _, below = unit.partition('/')
+    for sign, product in ((1.0, above), (-1.0, below)):
+        for factor in product.split():
+            found = re.fullmatch(r'(\w+?)(?:\^(\d+))?', factor)
+            if found is None or found[1] not in _POWERS:
+                raise ValueError(f'unknown unit {factor!r}')
+            power = sign * float(found[2] or 1)
+            length += power * _POWERS[found[1]][0]
+            mass += power * _POWERS[found[1]][1]
     return length, mass
 
 

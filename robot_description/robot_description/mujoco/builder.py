@@ -18,7 +18,7 @@ from wasd_core.errors import DescriptionError, one_line
 from wasd_core.rotations import NO_ORIGIN, Origin
 
 from robot_description.morphology.quadruped import find_imu, imu_position, REFLECTED_INERTIA
-from robot_description.morphology.wheels import drive_wheels
+from robot_description.morphology.wheels import find_drive
 from robot_description.mujoco.geoms import (
     add_geoms,
     exclude_all,
@@ -295,10 +295,6 @@ def _set_mass(body: mujoco.MjsBody, mass: float, inertia: np.ndarray, frame: Ori
     body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
 
-def _other_cure(robot: Robot) -> str:
-    return ', or drive it without physics: wasd mbot --mode fake' * bool(drive_wheels(robot))
-
-
 def _virtual_links(robot: Robot) -> set[str]:
     """
     Return the links that move without a mass of their own, with one further out.
@@ -314,8 +310,10 @@ def _virtual_links(robot: Robot) -> set[str]:
             joint = robot.parent_joints.get(link)
             by = f' (joint {joint.name!r})' if joint is not None else ''
             has = f'a mass of {beyond:g} kg' if beyond else 'no mass'
+            can_fake = bool(find_drive(robot).wheels)
+            or_else = ', or drive it without physics: wasd mbot --mode fake' * can_fake
             raise DescriptionError(
                 f'link {link!r} moves{by} but has {has}: '
-                f'give it an <inertial> with <mass> and <inertia>{_other_cure(robot)}'
+                f'give it an <inertial> with <mass> and <inertia>{or_else}'
             )
     return set(robot.massless)

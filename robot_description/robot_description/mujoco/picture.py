@@ -41,18 +41,14 @@ def draw(robot: Robot, path: Path) -> None:
     spec.visual.headlight.ambient = np.full(3, 0.4)
     add_sky(spec, [0.75, 0.82, 0.90], [0.97, 0.98, 1.0], width=64)
     model = compile_model(spec)
-    pixels = _render(model, _rest(model, robot))
-    png = io.BytesIO()
-    Image.fromarray(pixels).save(png, format='PNG')
-    file.write(png.getvalue())
-
-
-def _rest(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
     data = mujoco.MjData(model)
     for joint in robot.movable_joints:
         data.joint(joint.name).qpos[0] = joint.rest
     mujoco.mj_forward(model, data)
-    return data
+    pixels = _render(model, data)
+    png = io.BytesIO()
+    Image.fromarray(pixels).save(png, format='PNG')
+    file.write(png.getvalue())
 
 
 def _render(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:

@@ -31,7 +31,7 @@ import xacro
 from xacro import substitution_args
 
 from robot_description.packages import AllowedPaths
-from robot_description.xacro.sandbox import evaluate, evaluate_substitution, MEMORY
+from robot_description.xacro.sandbox import evaluate, MEMORY
 from robot_description.xacro.source import check_format, FOREIGN_TAGS, tidy, unprefixed_calls
 
 
@@ -253,7 +253,9 @@ class Processor:
             root_dir=os.curdir,
         )
         vars(substitution_args).update(
-            _eval_find=self._find, _eval_dirname=self._folder, eval=evaluate_substitution
+            _eval_find=self._find,
+            _eval_dirname=self._folder,
+            eval=lambda text, _, names: evaluate(text, {}, names),  # of `$(eval text)`
         )
         substitution_args._eval_dict['find'] = self._find
         xacro.substitution_args_context['filename'] = str(self.path)

@@ -61,11 +61,6 @@ def evaluate(text: str, names: dict[str, Any], local_names: Any = None) -> Any:
     return eval(code, names, local_names)
 
 
-def evaluate_substitution(text: str, _: Any, local_names: Any) -> Any:
-    """Return the value of `$(eval text)`; `local_names` has arguments and functions."""
-    return evaluate(text, {}, local_names)
-
-
 @lru_cache(maxsize=1024)
 def _compile(text: str) -> CodeType:
     tree = ast.parse(text, '<expression>', 'eval')

@@ -63,14 +63,18 @@ class XacroSession:
             raise LocatedError(Place(self.path, 1), reason) from None
         data, notes = tidy(data)
         check_format(data, self.path)
-        answer = self._run() if _is_xacro(data) else self._read(data, notes)
+        # In UTF-16 one cannot see that it is xacro.
+        is_xacro = any(sign in data for sign in (b'xacro', b'$', b'\0'))
+        answer = self._run() if is_xacro else self._read(data, notes)
         if 'error' in answer:
-            raise _to_error(**answer['error'])
+            place, reason, via = answer['error'].values()
+            at = unlisted(place)
+            raise LocatedError(at, reason, unlisted(via)) if at else DescriptionError(reason)
         tag, _, _, (file, *at), _ = answer['nodes'][0]
         if tag != 'robot':
             reason = f'is <{tag}>, {WANTED}; make <robot> its first tag'
             raise LocatedError(Place(Path(file), *at), reason)
-        warnings = tuple((unlisted(place), text) for place, text in answer['warnings'])
+        warnings = tuple((unlisted(where), text) for where, text in answer['warnings'])
         return Expansion(answer['urdf'], answer['nodes'], warnings, tuple(self.sources))
 
     def _read(self, data: bytes, notes: Sequence[str]) -> dict[str, Any]:
@@ -100,15 +104,6 @@ class XacroSession:
         sources = answer['sources'].items()
         self.sources = {Path(file): text.encode('latin-1') for file, text in sources}
         return answer
-
-
-def _is_xacro(data: bytes) -> bool:
-    return b'xacro' in data or b'$' in data or b'\0' in data  # in UTF-16 one cannot see it
-
-
-def _to_error(place: list[Any] | None, reason: str, via: list[Any] | None) -> DescriptionError:
-    at = unlisted(place)
-    return LocatedError(at, reason, unlisted(via)) if at else DescriptionError(reason)
 
 
 def expand_document(

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 import re
-from typing import NamedTuple
 import xml.parsers.expat
 
 from wasd_core.safe_files import LocatedError, Place
@@ -220,23 +219,16 @@ def _is_srdf(data: bytes) -> bool:
     return any(re.search(rb'<%s[\s>/]' % tag.encode(), data) for tag in SRDF_TAGS)
 
 
-class Tidied(NamedTuple):
-    """A file's bytes as a parser takes them, and what was passed over, in words."""
-
-    data: bytes
-    notes: tuple[str, ...] = ()
-
-
-def tidy(data: bytes) -> Tidied:
+def tidy(data: bytes) -> tuple[bytes, list[str]]:
     """
-    Return XML without what parsers stumble over although it means nothing; lines stay.
+    Return XML without what parsers stumble over, and what was passed over, in words; lines stay.
 
     That is: marks, spaces, remarks and words before the declaration, zeros at the end, and
     prefixes of other programs that nobody declared.
     """
+    notes: list[str] = []
     if data[:2] in (b'\xff\xfe', b'\xfe\xff'):
-        return Tidied(data)
-    notes = []
+        return data, notes
     whole = data.rstrip(b'\0 \t\r\n')
     if whole.endswith(b'>') and b'\0' in data[len(whole) :]:
         data = whole
@@ -264,7 +256,7 @@ def tidy(data: bytes) -> Tidied:
         data = data[: root.end()] + names + data[root.end() :]
         shown = ', '.join(prefix.decode() for prefix in undeclared)
         notes.append(f'undeclared prefixes are treated as those of other programs: {shown}')
-    return Tidied(data, tuple(notes))
+    return data, notes
 
 
 def _blank(data: bytes) -> bytes:
