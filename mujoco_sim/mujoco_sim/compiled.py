@@ -114,10 +114,11 @@ class TorqueSpeedCurve:
         """Take torque limits [N m] and no-load speeds [rad/s], both of shape (n,) and > 0."""
         # The falling line of one that drives forward, or backward, goes on until it is cut.
         at_rest = torque / (1.0 - FULL_TORQUE_SHARE)
+        self.command = command
         self._curve = np.stack((torque, at_rest, at_rest / speed))
         count = len(torque)  # what compiles is loaded before the first step
         self.limits(np.zeros(count))
-        self.command(np.zeros((5, count)), torque, np.zeros((count, 3))[:, 1:], np.zeros(count))
+        command(np.zeros((5, count)), torque, np.zeros((count, 3))[:, 1:], np.zeros(count))
 
     def limits(self, velocity: np.ndarray) -> np.ndarray:
         """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""
@@ -135,21 +136,16 @@ class TorqueSpeedCurve:
         """
         return partial(_follow, self._curve, *memory)
 
-    def command(
-        self, parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray
-    ) -> None:
-        """
-        Write MuJoCo's `gains` (n, 2) and `controls` (n,) of motors.
-
-        `parts` (5, n) are a `JointCommand`'s; motors of `strength` 1 give what they are told.
-        """
-        _command(parts, strength, gains, controls)
-
 
 @jit
-def _command(
+def command(
     parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray
 ) -> None:
+    """
+    Write MuJoCo's `gains` (n, 2) and `controls` (n,) of motors.
+
+    `parts` (5, n) are a `JointCommand`'s; motors of `strength` 1 give what they are told.
+    """
     for i in range(len(strength)):
         kp, kd = parts[3, i], parts[4, i]
         pulls = parts[2, i] + kp * parts[0, i] + kd * parts[1, i]

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Floor plans as worlds: what is occupied in a map becomes walls, and a place to start is free."""
 
-from typing import NamedTuple
-
 import numpy as np
 from wasd_core.errors import SimulationError
 from wasd_core.map_picture import FREE, MapPicture, OCCUPIED, UNKNOWN
@@ -15,22 +13,12 @@ MOST_BOXES, MOST_MERGED = 5000, 3
 AROUND = (0.9, 0.7, 0.5, 0.4, 0.3)
 
 
-class FloorPlan(NamedTuple):
+def make_floor_plan(plan: MapPicture) -> tuple[np.ndarray, float]:
     """
-    Boxes like those of a `Flat`, shape (n, 6), all of them walls; the robot starts at the origin.
+    Return the walls of a map, and the side of the cells that they are made of [m].
 
-    `cell` is the side of the cells that they are made of, `size` the longer side of the plan [m].
-    """
-
-    boxes: np.ndarray
-    cell: float
-    size: float
-
-
-def make_floor_plan(plan: MapPicture) -> FloorPlan:
-    """
-    Return the walls of a map around the free place that is nearest to its origin.
-
+    Walls are boxes like those of a `Flat`, shape (n, 6), around the free place that is nearest to
+    the map's origin: there the robot starts, at the world's.
     A box may reach into unknown cells beside a wall: what a lidar has drawn has ragged backs.
     Where they would be too many boxes cells are merged, two by two: walls are thicker then.
 
@@ -55,7 +43,7 @@ def make_floor_plan(plan: MapPicture) -> FloorPlan:
     sizes = (rectangles[:, 3:1:-1] - rectangles[:, 1::-1]) * cell
     heights = np.full(len(low), WALL_HEIGHT)
     boxes = np.column_stack((low + 0.5 * sizes, 0.5 * sizes, heights, np.zeros(len(low))))
-    return FloorPlan(boxes, cell, max(plan.cells.shape) * plan.resolution)
+    return boxes, cell
 
 
 def find_start(plan: MapPicture) -> np.ndarray:

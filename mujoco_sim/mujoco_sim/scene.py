@@ -17,7 +17,7 @@ from robot_description.mujoco.builder import add_sky
 from wasd_core.errors import one_line, SimulationError, UserError
 from wasd_core.robot_io import TIME_STEP
 
-from mujoco_sim.flats import Flat, make_flat, make_office
+from mujoco_sim.flats import make_flat, make_office
 from mujoco_sim.parameters import WORLD_KINDS, WORLD_NAMES
 
 LOGGER = logging.getLogger(__name__)
@@ -184,15 +184,13 @@ def _room(spec: mujoco.MjSpec) -> None:
 def _office(spec: mujoco.MjSpec) -> None:
     """Build the office of `flats`."""
     _flat(spec)
-    _build_flat(spec, make_office())
+    office = make_office()
+    _build(spec, office.boxes, office.walls, float(office.size.max()))
 
 
 def add_flat(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None:
     """Build the flat of a seed."""
-    _build_flat(spec, make_flat(int(seed)))
-
-
-def _build_flat(spec: mujoco.MjSpec, flat: Flat) -> None:
+    flat = make_flat(int(seed))
     _build(spec, flat.boxes, flat.walls, float(flat.size.max()))
 
 
@@ -228,17 +226,15 @@ def add_floor_plan(spec: mujoco.MjSpec, words: str) -> None:
 
     try:
         plan = read_plan(words)
-        built = make_floor_plan(plan)
+        boxes, cell = make_floor_plan(plan)
     except SimulationError as error:
         raise SimulationError(f'--world {words}: {error}') from None
     except UserError as error:
         raise SimulationError(f'--world {one_line(error)}') from None
-    if built.cell > plan.resolution:
-        LOGGER.warning(
-            '--world %s: many boxes: its walls are drawn in cells of %g m', words, built.cell
-        )
+    if cell > plan.resolution:
+        LOGGER.warning('--world %s: many boxes: its walls are drawn in cells of %g m', words, cell)
     _flat(spec)
-    _build(spec, built.boxes, len(built.boxes), built.size)
+    _build(spec, boxes, len(boxes), max(plan.cells.shape) * plan.resolution)
 
 
 def _add_furniture(spec: mujoco.MjSpec) -> None:

@@ -117,13 +117,11 @@ class SimulatorNode(Node):
         self._rivals: list[str] = []  # who commands the motors
         self._hoist: Hoist | None = None
         if simulation is None:
-            self._take_commands()
+            command = self._on_command
+            self.create_subscription(JointTrajectory, 'joint_commands', command, SENSOR_DATA)
+            self.simulation.schedule.every(world.time_step, self._watch_commands)
+            self.simulation.schedule.every(world.time_step, self.truth.remember)
             self._hang()
-
-    def _take_commands(self) -> None:
-        self.create_subscription(JointTrajectory, 'joint_commands', self._on_command, SENSOR_DATA)
-        self.simulation.schedule.every(self._world.time_step, self._watch_commands)
-        self.simulation.schedule.every(self._world.time_step, self.truth.remember)
 
     def _hang(self) -> None:
         """Hold the robot by a hoist, where the parameter says so, until the service lets go."""
@@ -249,11 +247,6 @@ class SimulatorNode(Node):
         publisher.publish(message)
         self._told.append((publisher, message))
 
-    def _repeat_states(self) -> None:
-        """Publish the last state again, as it was."""
-        for publisher, message in self._told:
-            publisher.publish(message)
-
     def _on_command(self, message: JointTrajectory) -> None:
         try:
             command = from_joint_commands(message, self._world.motor_names)
@@ -281,7 +274,8 @@ class SimulatorNode(Node):
             lambda: self.count_publishers('joint_commands') > 0,
         )
         if not may and self._hold.repeats():
-            self._repeat_states()
+            for publisher, message in self._told:  # the last state, as it was
+                publisher.publish(message)
         return may
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from rclpy.node import Node
 from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
-from wasd_core.messages import to_joint_state, to_odometry, to_seconds, to_stamp
+from wasd_core.messages import from_odometry, to_joint_state, to_odometry, to_seconds, to_stamp
 from wasd_core.robot_io import BaseOdometry, BaseState
 from wasd_core.rotations import rotate_inverse
 from wasd_core.topics import has_listener, has_subscriber, RELIABLE, SENSOR_DATA
@@ -120,23 +120,18 @@ def to_odometry_error(truth: Odometry, odometry: Odometry) -> Odometry:
     The position is the difference of the two, the orientation the turn from odometry's to the
     true one, the twist the difference of the two, in the base frame.
     """
-    message = Odometry()
-    message.header = odometry.header
-    message.child_frame_id = odometry.child_frame_id
-    true, estimated = truth.pose.pose, odometry.pose.pose
-    _subtract(true.position, estimated.position, message.pose.pose.position)
-    t, e, turn = true.orientation, estimated.orientation, message.pose.pose.orientation
-    # t times the conjugate of e.
-    turn.w = t.w * e.w + t.x * e.x + t.y * e.y + t.z * e.z
-    turn.x = t.x * e.w - t.w * e.x - t.y * e.z + t.z * e.y
-    turn.y = t.y * e.w - t.w * e.y - t.z * e.x + t.x * e.z
-    turn.z = t.z * e.w - t.w * e.z - t.x * e.y + t.y * e.x
-    true, estimated, twist = truth.twist.twist, odometry.twist.twist, message.twist.twist
-    _subtract(true.linear, estimated.linear, twist.linear)
-    _subtract(true.angular, estimated.angular, twist.angular)
-    return message
-
-
-def _subtract(minuend: Any, subtrahend: Any, difference: Any) -> None:
-    for axis in ('x', 'y', 'z'):
-        setattr(difference, axis, getattr(minuend, axis) - getattr(subtrahend, axis))
+    true, said, exact = from_odometry(truth), from_odometry(odometry), np.zeros((6, 6))
+    w, x, y, z = true.orientation
+    a, b, c, d = said.orientation
+    turn = (  # true times the conjugate of said
+        w * a + x * b + y * c + z * d,
+        x * a - w * b - y * d + z * c,
+        y * a - w * c - z * b + x * d,
+        z * a - w * d - x * c + y * b,
+    )
+    linear = true.linear_velocity - said.linear_velocity
+    angular = true.angular_velocity - said.angular_velocity
+    position = true.position - said.position
+    error = BaseOdometry(position, np.array(turn), linear, angular, exact, exact)
+    header = odometry.header
+    return to_odometry(error, header.frame_id, odometry.child_frame_id, header.stamp)

@@ -54,14 +54,14 @@ def test_a_ragged_wall_is_few_boxes_that_cover_no_free_cell(seed):
     cells[30:] = UNKNOWN
     cells[29:31][random.random((2, 200)) < 0.6] = OCCUPIED
     picture = plan(cells, (-5.0, -0.7))
-    built = make_floor_plan(picture)
-    covered = drawn(built.boxes, cells.shape, np.array(picture.origin) - find_start(picture))
+    boxes, cell = make_floor_plan(picture)
+    covered = drawn(boxes, cells.shape, np.array(picture.origin) - find_start(picture))
     assert covered[cells == OCCUPIED].all()
     assert not covered[cells == FREE].any()
     near = np.pad(cells == OCCUPIED, 1)
     for row, column in np.argwhere(covered):
         assert near[row : row + 3, column : column + 3].any()
-    assert len(built.boxes) < 0.8 * len(merge(cells == OCCUPIED, cells == OCCUPIED, 10_000))
+    assert len(boxes) < 0.8 * len(merge(cells == OCCUPIED, cells == OCCUPIED, 10_000))
 
 
 def test_straight_walls_are_few_boxes():
@@ -76,13 +76,13 @@ def test_the_walls_lie_where_the_plan_has_them_as_seen_from_the_start():
     cells = hall()
     cells[60:, 100:104] = OCCUPIED
     picture = plan(cells, (-4.0, -2.5))
-    built = make_floor_plan(picture)
+    boxes, cell = make_floor_plan(picture)
     start = find_start(picture)
     # The origin is free: nothing moves but for half a cell.
     assert np.abs(start).max() <= 0.5 * CELL + 1e-9
     corner = np.array(picture.origin) - start
-    assert (drawn(built.boxes, cells.shape, corner) == (cells == OCCUPIED)).all()
-    assert built.cell == CELL
+    assert (drawn(boxes, cells.shape, corner) == (cells == OCCUPIED)).all()
+    assert cell == CELL
 
 
 @for_all('origin', [(-4.0, -2.5), (3.0, 2.0), (-20.0, 1.0)])
@@ -118,7 +118,7 @@ def test_unknown_cells_that_touch_no_wall_are_none():
     cells[30:50] = UNKNOWN
     picture = plan(cells)
     corner = -find_start(picture)
-    covered = drawn(make_floor_plan(picture).boxes, cells.shape, corner)
+    covered = drawn(make_floor_plan(picture)[0], cells.shape, corner)
     assert covered[cells == OCCUPIED].all()
     assert not covered[:, 3:-3][cells[:, 3:-3] != OCCUPIED].any()
 
@@ -128,11 +128,11 @@ def test_too_many_boxes_become_coarser_ones_that_still_hold_every_wall():
     cells = hall(600, 600)
     cells[100:500, 100:500][random.random((400, 400)) < 0.3] = OCCUPIED
     picture = plan(cells, (-2.0, -2.0))
-    built = make_floor_plan(picture)
-    assert built.cell > CELL
-    assert len(built.boxes) <= floor_plan.MOST_BOXES
+    boxes, cell = make_floor_plan(picture)
+    assert cell > CELL
+    assert len(boxes) <= floor_plan.MOST_BOXES
     corner = np.array(picture.origin) - find_start(picture)
-    covered = drawn(built.boxes, cells.shape, corner)
+    covered = drawn(boxes, cells.shape, corner)
     assert covered[cells == OCCUPIED].all()
 
 

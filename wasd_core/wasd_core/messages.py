@@ -34,13 +34,17 @@ def to_seconds(stamp: Time) -> float:
 
 def to_transform(pose: Pose, parent: str, child: str, stamp: Time) -> TransformStamped:
     """Return the pose of the child frame in the parent frame as a transform."""
-    message = TransformStamped()
-    message.header.stamp = stamp
-    message.header.frame_id = parent
-    message.child_frame_id = child
-    translation, rotation = message.transform.translation, message.transform.rotation
-    translation.x, translation.y, translation.z = pose.position.tolist()
-    rotation.w, rotation.x, rotation.y, rotation.z = to_quaternion(pose.rotation)
+    turn = np.array(to_quaternion(pose.rotation))
+    return _to_transform(pose.position, turn, parent, child, stamp)
+
+
+def _to_transform(
+    position: np.ndarray, orientation: np.ndarray, parent: str, child: str, stamp: Time
+) -> TransformStamped:
+    message = TransformStamped(child_frame_id=child)
+    message.header.stamp, message.header.frame_id = stamp, parent
+    _set_xyz(message.transform.translation, position)
+    _set_wxyz(message.transform.rotation, orientation)
     return message
 
 
@@ -102,13 +106,10 @@ def to_cloud(points: np.ndarray, header: Header, is_dense: bool = True) -> Point
 def to_imu(reading: ImuReading, frame: str, stamp: Time) -> Imu:
     """Return sensor_msgs/Imu; the readings are in the axes of the robot's root."""
     message = Imu()
-    message.header.stamp = stamp
-    message.header.frame_id = frame
-    orientation, rate = message.orientation, message.angular_velocity
-    force = message.linear_acceleration
-    orientation.w, orientation.x, orientation.y, orientation.z = reading.orientation.tolist()
-    rate.x, rate.y, rate.z = reading.angular_velocity.tolist()
-    force.x, force.y, force.z = reading.linear_acceleration.tolist()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    _set_wxyz(message.orientation, reading.orientation)
+    _set_xyz(message.angular_velocity, reading.angular_velocity)
+    _set_xyz(message.linear_acceleration, reading.linear_acceleration)
     return message
 
 
@@ -144,12 +145,7 @@ def to_base_transform(
     odometry: BaseOdometry, frame: str, base: str, stamp: Time
 ) -> TransformStamped:
     """Return the transform odom -> base of the same instant."""
-    message = TransformStamped()
-    message.header.stamp, message.header.frame_id = stamp, frame
-    message.child_frame_id = base
-    _set_xyz(message.transform.translation, odometry.position)
-    _set_wxyz(message.transform.rotation, odometry.orientation)
-    return message
+    return _to_transform(odometry.position, odometry.orientation, frame, base, stamp)
 
 
 def from_odometry(message: Odometry) -> BaseOdometry:

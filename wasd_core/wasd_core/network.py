@@ -311,12 +311,9 @@ def join_domain(environment: MutableMapping[str, str]) -> str:
 
 def namespaces_of(ros_arguments: Sequence[str]) -> list[str]:
     """Return the namespaces that ROS arguments give to nodes; the root when they give none."""
-    found = [word.partition(':=')[2] for word in ros_arguments if _is_namespace(word)]
+    said = [word.partition(':=') for word in ros_arguments]
+    found = [value for name, _, value in said if name.rpartition(':')[2] == '__ns']
     return sorted({f'/{name.strip("/")}' for name in found}) or ['/']
-
-
-def _is_namespace(word: str) -> bool:
-    return word.partition(':=')[0].rpartition(':')[2] == '__ns'
 
 
 def _bind(name: str, kind: int) -> socket.socket | None:

@@ -132,8 +132,10 @@ def init_ros(
             print(choice, file=sys.stderr, flush=True)
     os.environ[SKIP_FOLDERS_PROFILES] = '1'
     remove_segments_of_the_dead()
-    if middleware.startswith(FAST_DDS):
-        _look_at_shared_memory(domain_of(os.environ))
+    if middleware.startswith(FAST_DDS) and (why := why_no_shared_memory(domain_of(os.environ))):
+        do_without_shared_memory(os.environ)
+        words = f'wasd: uses UDP instead of shared memory: {why}'
+        print(words, file=sys.stderr, flush=True)
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
@@ -144,14 +146,6 @@ def init_ros(
             )
     finally:
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
-
-
-def _look_at_shared_memory(domain: int) -> None:
-    reason = why_no_shared_memory(domain)
-    if reason:
-        do_without_shared_memory(os.environ)
-        words = f'wasd: uses UDP instead of shared memory: {reason}'
-        print(words, file=sys.stderr, flush=True)
 
 
 def _refuse_pipes(args: Sequence[str]) -> None:

@@ -98,13 +98,12 @@ class Site:
 
     def find_mount(self, link: str, pose: Pose) -> Mount:
         """Return where a frame with this pose in a link is in the compiled model."""
-        joints = {joint.child: joint for joint in self._robot.joints.values()}
         while True:
             body = self.world.parts.body(link)
             if body >= 0:
                 return Mount(body, pose)
-            pose = joints[link].pose @ pose
-            link = joints[link].parent
+            joint = self._robot.parent_joints[link]
+            pose, link = joint.pose @ pose, joint.parent
 
     def close(self) -> None:
         """Release the renderer, if there is one."""

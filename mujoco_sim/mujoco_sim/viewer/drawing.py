@@ -106,7 +106,15 @@ class Panel:
         draw_lines('status', lines)
 
     def _draw_help(self) -> None:
-        draw_help(self._help, self._lines_above)
+        """Draw lines that stay folded until the user wants them: the robot is to be seen."""
+        below = 30.0 + imgui.GetTextLineHeightWithSpacing() * (self._lines_above + 0.5)
+        imgui.SetNextWindowPos(imgui.Vec2(_EDGE, below), imgui.Cond.FirstUseEver)
+        imgui.SetNextWindowCollapsed(True, imgui.Cond.FirstUseEver)
+        imgui.SetNextWindowBgAlpha(0.8)
+        imgui.Begin('keys (double-click)', flags=imgui.WindowFlags.AlwaysAutoResize)
+        for line in self._help:
+            imgui.Text(line)
+        imgui.End()
 
 
 class Panels:
@@ -152,18 +160,6 @@ def draw_lines(name: str, lines: Sequence[str], height: float = 0.0) -> None:
     imgui.SetNextWindowPos(imgui.Vec2(_EDGE, top), imgui.Cond.Always)
     imgui.SetNextWindowBgAlpha(0.6)
     imgui.Begin(name, flags=_OVERLAY)
-    for line in lines:
-        imgui.Text(line)
-    imgui.End()
-
-
-def draw_help(lines: Sequence[str], lines_above: int) -> None:
-    """Draw lines that stay folded until the user wants them: the robot is to be seen."""
-    below = 30.0 + imgui.GetTextLineHeightWithSpacing() * (lines_above + 0.5)
-    imgui.SetNextWindowPos(imgui.Vec2(_EDGE, below), imgui.Cond.FirstUseEver)
-    imgui.SetNextWindowCollapsed(True, imgui.Cond.FirstUseEver)
-    imgui.SetNextWindowBgAlpha(0.8)
-    imgui.Begin('keys (double-click)', flags=imgui.WindowFlags.AlwaysAutoResize)
     for line in lines:
         imgui.Text(line)
     imgui.End()

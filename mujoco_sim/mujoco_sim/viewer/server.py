@@ -7,7 +7,7 @@ import functools
 import html
 import logging
 import struct
-from typing import Any, cast, NamedTuple
+from typing import Any, cast
 
 from mujoco.studio.web.web_server import Headers, Request, Response, serve, ServerConnection
 from wasd_core.network import LOOPBACK
@@ -277,22 +277,15 @@ class UnknownPacket(ValueError):
     """A browser sends what Studio's own page would not."""
 
 
-class Pressed(NamedTuple):
-    """What is down on a page: keys by ImGui's numbers, and of the mouse."""
-
-    keys: frozenset[int]
-    mouse: Mouse
-
-
 class InputPackets:
     """Takes what one browser sends, however it is cut; `rest` is the begin of the next packet."""
 
     def __init__(self) -> None:
         self.rest = b''
 
-    def feed(self, data: bytes) -> Iterator[tuple[bytes, Pressed | None]]:
+    def feed(self, data: bytes) -> Iterator[tuple[bytes, tuple[frozenset[int], Mouse] | None]]:
         """
-        Yield each packet that is whole, and what is down if it is one of input.
+        Yield each packet that is whole; of one of input the keys that are down, and the mouse.
 
         Raises:
             UnknownPacket: what came is no packet, or an input packet of another layout.
@@ -305,16 +298,15 @@ class InputPackets:
             if len(self.rest) < size:
                 return
             packet = self.rest[:size]
-            pressed = _pressed(packet) if kind == INPUT_TYPE else None
+            pressed = (keys_down(packet), mouse_of(packet)) if kind == INPUT_TYPE else None
             self.rest = self.rest[size:]
             yield packet, pressed
 
 
-def _pressed(packet: bytes) -> Pressed:
-    keys = keys_down(packet)
+def mouse_of(packet: bytes) -> Mouse:
+    """Return the mouse of an input packet."""
     (buttons,) = _BUTTONS.unpack_from(packet, _BUTTONS_AT)
-    x, y = _PLACE.unpack_from(packet, _PLACE_AT)
-    return Pressed(keys, Mouse(buttons, (x, y)))
+    return Mouse(buttons, _PLACE.unpack_from(packet, _PLACE_AT))
 
 
 def with_mouse(packet: bytes, mouse: Mouse) -> bytes:
