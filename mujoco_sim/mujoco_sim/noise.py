@@ -54,13 +54,12 @@ class NoisySensors:
         self._walks = np.random.default_rng((seed, STREAM))
         # Biases of gyro and accelerometer, (3,), and how far the heading is off [rad].
         self._errors = np.array((*(noise.gyro_bias * _direction(self._walks)), *bias, 0.0))
-        self._time: float | None = None
         self._drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
         self._add: Callable[..., Reading] | None = None
         self._coming: list[np.ndarray] = []  # drawn, the next one last
 
-    def measure(self, true: Reading, time: float = 0.0) -> Reading:
-        """Return a noisy reading of the truth at a time [s], which never runs back."""
+    def measure(self, true: Reading, elapsed: float = 0.0) -> Reading:
+        """Return a noisy reading of the truth, `elapsed` [s] after the one before."""
         if true.imu is None:  # of wheels, which would wait at each start for what compiles
             noise, count = self._noise, len(true.joints.position)
             white = self._random.standard_normal(2 * count)
@@ -70,8 +69,6 @@ class NoisySensors:
                 true.joints.effort,
             )
             return Reading(joints, None)
-        elapsed = 0.0 if self._time is None else time - self._time
-        self._time = time
         if self._add is None:
             # Here, because only legs have an IMU, and what compiles takes a while to load.
             from mujoco_sim.compiled import add_noise, NoiseSizes

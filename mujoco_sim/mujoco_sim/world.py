@@ -480,28 +480,28 @@ class World:
 
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
-        now = (self.physics.resets, self.physics.tick)
-        if now[0] != self._read_at[0]:
-            noise = self.setup.noise
+        now, before = (self.physics.resets, self.physics.tick), self._read_at
+        elapsed = (now[1] - before[1]) * self.time_step
+        if now[0] != before[0]:
+            noise, elapsed = self.setup.noise, 0.0
             self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
             self._late.clear()
-        if now != self._read_at:
-            reading = self._measure(self._sensors)
-            self._late.append((now[1], reading))
+        if now != before:
+            self._late.append((now[1], self._measure(elapsed)))
             while len(self._late) > 1 and self._late[1][0] <= now[1] - self.sensor_delay:
                 self._late.popleft()
             self._read_at = now
         return self._late[0][1]
 
-    def _measure(self, sensors: NoisySensors | None) -> Reading:
-        imu, joints = self._views.imu, self._views.joints
+    def _measure(self, elapsed: float) -> Reading:
+        sensors, imu, joints = self._sensors, self._views.imu, self._views.joints
         if joints is None or sensors is None:
             joints = self.joints()
         # A motor knows its current: what its torque would be if it were as strong as it says.
         effort = joints.effort / self._strength
         joints = JointStates(joints.position, joints.velocity, effort)
         if sensors is not None:
-            return sensors.measure(Reading(joints, imu), self.time)
+            return sensors.measure(Reading(joints, imu), elapsed)
         return Reading(joints, imu and ImuReading(*[part.copy() for part in imu]))
 
     def joints(self) -> JointStates:

@@ -100,6 +100,27 @@ def test_the_same_seed_and_calls_are_the_run_of_the_command(wasd: Any):
     assert positions == there
 
 
+def test_an_episode_after_a_reset_has_the_bits_of_the_first_and_of_a_new_robot():
+    import wasd as own
+
+    def episode(dog: own.Go2) -> list[list[float]]:
+        dog.press('2')
+        found = []
+        for _ in range(5):
+            dog.run(0.05)
+            pose, truth = dog.odometry, dog.truth
+            found.append(
+                [*pose.position, *pose.orientation, *truth.position, *truth.linear_velocity]
+            )
+        return found
+
+    dog = own.Go2(seed=5)
+    first = episode(dog)
+    dog.reset()
+    assert episode(dog) == first
+    assert episode(own.Go2(seed=5)) == first
+
+
 def test_a_velocity_ends_with_the_state_that_follows_it():
     import wasd
 

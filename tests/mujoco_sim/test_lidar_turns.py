@@ -173,6 +173,19 @@ def test_who_comes_late_gets_whole_revolutions_with_the_same_noise(loaded):
         assert one['ranges'] == other['ranges']
 
 
+def test_after_a_reset_a_lidar_turns_by_the_same_steps_bit_by_bit(loaded, monkeypatch):
+    step, steps, episodes = Lidar.step, [], []
+    monkeypatch.setattr(Lidar, 'step', lambda lidar, dt: steps.append(dt) or step(lidar, dt))
+    turning = Turning(loaded)
+    for _ in range(3):
+        turning.run(0.4)
+        episodes.append(steps[:])
+        steps.clear()
+        turning.sensors.reset()
+    assert len(episodes[0]) == 40
+    assert episodes[0] == episodes[1] == episodes[2]
+
+
 @for_all('rate', ['3.333333', '6.666666', '16.6666666', '7', '4.9999999'])
 def test_a_lidar_that_sees_all_round_gives_every_scan_at_any_rate(tmp_path, rate):
     path = tmp_path / 'all_round.urdf'

@@ -71,8 +71,8 @@ class Sensors:
         self.tune(settings)
         self._sensors: list[_SensorTopics] = []
         self.frames: list[tuple[str, str, Pose]] = []
-        self._start = self._stepped = world.time
-        self._idle_until = -math.inf  # nothing is due before [s]
+        self._start = self._stepped = world.tick
+        self._idle_until = -math.inf  # nothing is due before, since the start [s]
         self._beats: list[Beat] = []
         for tags, kind in zip(found.kinds, SENSORS, strict=True):
             for tag in tags:
@@ -101,31 +101,35 @@ class Sensors:
 
     def step(self) -> None:
         """Measure what is due now."""
-        now = self._world.time
-        dt, self._stepped = now - self._stepped, now
+        world, now = self._world, self._since_start()
+        dt, self._stepped = (world.tick - self._stepped) * world.time_step, world.tick
         if now < self._idle_until:
             return
         for index, (beat, one) in enumerate(zip(self._beats, self._sensors, strict=True)):
-            before, is_due = beat.number, beat.is_due(now - self._start, one.rate)
+            before, is_due = beat.number, beat.is_due(now, one.rate)
             if one.turns:
                 if is_due or one.sensor.is_turning:
                     self._turn(index, one, dt, (before, beat.number))
             elif is_due and (wanted := one.wanted()):
                 measured = one.sensor.measure(wanted, self._random(index, beat.number))
-                _tell(now, measured, wanted)
+                _tell(world.time, measured, wanted)
         self._idle_until = self._next_beat()
 
     def rest(self) -> float:
         """Return for how long from now [s] nothing is due."""
-        return self._idle_until - self._world.time
+        return self._idle_until - self._since_start()
+
+    def _since_start(self) -> float:
+        """Return the time [s] since the start or the last reset, bit for bit the same."""
+        return (self._world.tick - self._start) * self._world.time_step
 
     def _next_beat(self) -> float:
-        """Return a time [s] up to which nothing is due; -infinity while a sensor turns."""
+        """Return for how long since the start [s] nothing is due; -infinity while one turns."""
         if any(one.turns and one.sensor.is_turning for one in self._sensors):
             return -math.inf
         both = zip(self._beats, self._sensors, strict=True)
         ahead = min(((beat.number + 1) / one.rate for beat, one in both), default=math.inf)
-        return self._start + ahead - 2.0 * ROUNDING
+        return ahead - 2.0 * ROUNDING
 
     def _turn(self, index: int, one: '_SensorTopics', dt: float, numbers: tuple[int, int]) -> None:
         """
@@ -143,12 +147,12 @@ class Sensors:
             return
         wanted = one.wanted()
         if whole is not None:
-            began = self._start + number / one.rate
+            began = self._start * self._world.time_step + number / one.rate
             _tell(began, sensor.measured(whole, self._random(index, number)), wanted)
         if not wanted:
             sensor.forget()
         elif is_new:
-            late = max(0.0, self._world.time - self._start - numbers[1] / one.rate)
+            late = max(0.0, self._since_start() - numbers[1] / one.rate)
             sensor.begin(numbers[1], late)
             sensor.step(0.0)
 
@@ -159,7 +163,7 @@ class Sensors:
 
     def reset(self) -> None:
         """Draw the noise again from its beginning, as the robot is back at its own."""
-        self._start = self._stepped = self._world.time
+        self._start = self._stepped = self._world.tick
         self._idle_until = -math.inf
         self._beats = [Beat() for _ in self._sensors]
         for one in self._sensors:
