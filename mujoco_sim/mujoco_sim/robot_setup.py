@@ -92,12 +92,12 @@ def usual_setup(
     """
     if description.why_no_quadruped:
         robot, drive = description.robot, description.drive
-        lowest, held = lowest_point(robot), held_joints(robot, drive)
+        lowest = lowest_point(robot)
         return RobotSetup(
-            joint_positions=held,
+            joint_positions=robot.rest_positions,
             height=-lowest if -math.inf < lowest < -ROUNDING else 0.0,
             reflected_inertia=rotors(robot, drive),
-            held=held,
+            held=held_joints(robot, drive),
             untold=untold,
         )
     quadruped = description.quadruped

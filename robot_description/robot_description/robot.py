@@ -197,6 +197,20 @@ class Robot:
         return tuple(joint for joint in self.joints.values() if joint.is_movable)
 
     @cached_property
+    def rest_positions(self) -> dict[str, float]:
+        """Where movable joints rest [rad] or [m]; what mimics one, where that has it."""
+        positions = {}
+        for joint in self.movable_joints:
+            chain = [joint]
+            while (other := self.joints.get(chain[-1].mimics)) is not None and other.is_movable:
+                chain.append(other)
+            position = chain.pop().rest
+            for follower in reversed(chain):
+                position = follower.multiplier * position + follower.offset
+            positions[joint.name] = position
+        return positions
+
+    @cached_property
     def parent_joints(self) -> dict[str, Joint]:
         """The joint that holds each link but the root."""
         return {joint.child: joint for joint in self.joints.values()}

@@ -24,7 +24,33 @@ def mbot():
 
 
 def test_mbot_is_put_into_the_world_as_it_is(mbot):
-    assert usual_setup(mbot) == RobotSetup()
+    resting = dict.fromkeys((joint.name for joint in mbot.robot.movable_joints), 0.0)
+    assert usual_setup(mbot) == RobotSetup(joint_positions=resting)
+
+
+def test_joints_begin_within_their_stops_and_where_what_they_mimic_has_them():
+    def joint(name, limit, mimic=''):
+        body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        return (
+            f'<link name="{name}_link">{body}</link><joint name="{name}" type="revolute">'
+            f'<parent link="base"/><child link="{name}_link"/><axis xyz="0 0 1"/>'
+            f'<limit {limit}/>{mimic}</joint>'
+        )
+
+    stops = 'lower="-9" upper="9" effort="5" velocity="1"'
+    read = parse_description(
+        '<robot name="r"><link name="base"/>'
+        + joint('b', stops, '<mimic joint="c" multiplier="2"/>')
+        + joint('c', stops, '<mimic joint="a" offset="1"/>')
+        + joint('a', 'lower="0.5" upper="2" effort="0" velocity="1"')
+        + '</robot>',
+        Path('r.urdf'),
+    )
+    world = build_world(read, setup=usual_setup(read))
+    world.step(50)
+    joints = world.joints()
+    found = dict(zip(world.joint_names, joints.position.tolist(), strict=True))
+    assert found == pytest.approx({'a': 0.5, 'b': 3.0, 'c': 1.5}, abs=1e-6)
 
 
 def test_what_floats_on_a_world_is_put_on_the_floor_wherever_its_joint_has_it():

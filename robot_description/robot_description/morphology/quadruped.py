@@ -134,7 +134,7 @@ def find_quadruped(robot: Robot) -> Quadruped:
     used = {leg.joints[0].name for leg in legs}
     others = [limb for limb in limbs if limb[0].name not in used]
     passed = {limb[0].name: why[limb[0].name] or 'no mirror image' for limb in others}
-    held = _held(robot, [joint for limb in others for joint in limb])
+    held = {joint.name: robot.rest_positions[joint.name] for limb in others for joint in limb}
     return Quadruped(groups[robot.base], _in_order(legs), robot.mass, held, passed)
 
 
@@ -144,16 +144,6 @@ def _is_mirrored(leg: Leg, other: Leg) -> bool:
     image[1] *= -1.0
     off = max(float(np.abs(place - image).max()), abs(leg.length - other.length))
     return leg is not other and off < MIRROR_SHARE * leg.length
-
-
-def _held(robot: Robot, joints: list[Joint]) -> dict[str, float]:
-    """Return where joints stay that nobody moves: at 0 if they can; what mimics one, with it."""
-    held = {joint.name: joint.rest for joint in joints}
-    for joint in joints:
-        other = robot.joints.get(joint.mimics)
-        if other is not None and other.name in held:
-            held[joint.name] = joint.multiplier * held[other.name] + joint.offset
-    return held
 
 
 def _call(robot: Robot, groups: dict[str, tuple[str, ...]], limbs: list[list[Joint]]) -> str:
