@@ -18,7 +18,7 @@ from wasd_cockpit.heights import (
     paint_heights,
     SCALE_STEP,
 )
-from wasd_cockpit.layout import Layout, scene_rect
+from wasd_cockpit.layout import Layout
 from wasd_cockpit.link import (
     ATTENTION,
     History,
@@ -139,7 +139,8 @@ def test_the_map_has_lines_whatever_its_size_and_few_of_them(height, reach):
 def test_windows_are_on_the_page_and_cover_neither_each_other_nor_the_scene(size):
     layout = Layout()
     layout.resize(*size)
-    rects = [place.rect for place in layout.places] + [scene_rect(*size)]
+    layout.hides = False
+    rects = [place.rect for place in layout.places] + [layout.scene]
     panels = [panel for place in layout.places for panel in place.panels]
     assert sorted(panels) == sorted(Cockpit(Link())._panels)
     for number, one in enumerate(rects):

@@ -50,14 +50,6 @@ def places(width: float, height: float) -> tuple[Place, ...]:
     )
 
 
-def scene_rect(width: float, height: float) -> Rect:
-    """Return where the scene is not covered by panels, on a page of a size [pixels]."""
-    if not is_desk(width, height):
-        return Rect(0.0, 0.0, width, round(PHONE_SCENE_SHARE * height))
-    bottom = round((1.0 - BOTTOM_SHARE) * height)
-    return Rect(LEFT_WIDTH, 0.0, width - RIGHT_WIDTH, bottom)
-
-
 class Layout:
     """
     Which panels are shown where.
@@ -101,9 +93,13 @@ class Layout:
     @property
     def scene(self) -> Rect:
         """Where the scene is not covered."""
+        width, height = self._size
         if self.is_hidden:
-            return Rect(0.0, 0.0, *self._size)
-        return scene_rect(*self._size)
+            return Rect(0.0, 0.0, width, height)
+        if not self.is_desk:
+            return Rect(0.0, 0.0, width, round(PHONE_SCENE_SHARE * height))
+        bottom = round((1.0 - BOTTOM_SHARE) * height)
+        return Rect(LEFT_WIDTH, 0.0, width - RIGHT_WIDTH, bottom)
 
     def choose(self, panel: str) -> None:
         """Show a panel in its place."""

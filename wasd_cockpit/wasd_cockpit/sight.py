@@ -149,7 +149,7 @@ class _Eye:
         """Return where level rays from above the robot end, (n, 2) [m], and how high they are."""
         body = snapshot.body
         start = self._data.xpos[body].copy()
-        start[2] = self._top(body) + 0.03
+        start[2] += self._reach(body)[1] + 0.03
         mujoco.mj_multiRay(
             self._model,
             self._data,
@@ -182,8 +182,9 @@ class _Eye:
         frustum = Frustum(FIELD_OF_VIEW, *SIZE, NEAR, FAR)
         body = snapshot.body
         rotation = self._data.xmat[body].reshape(3, 3)
-        place = self._data.xpos[body] + rotation @ self._front(body)
-        camera = Pose(place, rotation)
+        ahead, up = self._reach(body)
+        eye = self._data.xpos[body] + rotation @ (ahead + 0.02, 0.0, 0.5 * up)
+        camera = Pose(eye, rotation)
         self._offscreen.look(self._data, camera, frustum, SIZE)
         image = np.full((SIZE[1], SIZE[0], 4), 255, dtype=np.uint8)
         image[..., :3] = self._offscreen.colours()
@@ -198,25 +199,13 @@ class _Eye:
         if self._offscreen is not None:
             self._offscreen.close()
 
-    def _front(self, body: int) -> np.ndarray:
-        """Return a point before the front of a body, in its axes [m]."""
-        centre, half = self._boxes(body)
-        front = float((centre + half)[:, 0].max(initial=0.0))
-        top = float((centre + half)[:, 2].max(initial=0.0))
-        return np.array([front + 0.02, 0.0, 0.5 * top])
-
-    def _top(self, body: int) -> float:
-        """Return how high a body reaches [m]."""
-        centre, half = self._boxes(body)
-        top = float((centre + half)[:, 2].max(initial=0.0))
-        return float(self._data.xpos[body, 2]) + top
-
-    def _boxes(self, body: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return middle and half size of boxes around what collides on a body, in its axes."""
+    def _reach(self, body: int) -> tuple[float, float]:
+        """Return how far what collides on a body reaches ahead and up, in its axes [m]."""
         model = self._model
         geoms = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype != 0))
-        half = model.geom_aabb[geoms, 3:]
-        return model.geom_pos[geoms] + model.geom_aabb[geoms, :3], half
+        ends = model.geom_pos[geoms] + model.geom_aabb[geoms, :3] + model.geom_aabb[geoms, 3:]
+        ahead, _, up = ends.max(axis=0, initial=0.0).tolist()
+        return ahead, up
 
 
 def depth_colours(depths: np.ndarray) -> np.ndarray:

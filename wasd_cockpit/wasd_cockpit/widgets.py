@@ -41,13 +41,6 @@ class Rect(NamedTuple):
 Place = tuple[float, float]
 
 
-class Drag(NamedTuple):
-    """Start and end on the floor of a dragged pointer [m]; None for a click, or the sky."""
-
-    start: Place
-    end: Place | None
-
-
 class Dragging:
     """Watches a pointer that is held down on something, until it is let go."""
 
@@ -58,11 +51,12 @@ class Dragging:
 
     def step(
         self, is_held: bool, robot: int, to_floor: Callable[[float, float], Place | None]
-    ) -> Drag | None:
+    ) -> tuple[Place, Place | None] | None:
         """
         Take whether it is held in this frame, and for which robot.
 
-        Return the drag once it is let go. `to_floor` gives the point of the floor at a place of
+        Once it is let go, return where on the floor that began [m], and ended: None for a click,
+        or the sky. `to_floor` gives the point of the floor at a place of
         the page now: a later frame may show another one there.
         """
         mouse = imgui.GetMousePos().x, imgui.GetMousePos().y
@@ -77,7 +71,7 @@ class Dragging:
             return None
         # A hand trembles: a short drag is a click.
         is_click = math.dist(start[0], mouse) <= LEAST_DRAG
-        return Drag(start[1], None if is_click else to_floor(*mouse))
+        return start[1], None if is_click else to_floor(*mouse)
 
 
 class Widgets:
