@@ -223,7 +223,11 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     first = umbmark(before.runs, test.side, before.geometry.wheel_separation)
     second = umbmark(after.runs, test.side, after.geometry.wheel_separation)
     print('\n'.join(report(test, before, first, second)))
-    text = to_yaml(corrected, _heading(test, first, second))
+    heading = (
+        f'wasd calibrate, {test.description}, {test.count} squares of {test.side:g} m: '
+        f'{1e3 * first.largest_error:.2f} mm off before, {1e3 * second.largest_error:.2f} mm after'
+    )
+    text = to_yaml(corrected, heading)
     print(f'\n{text}', end='')
     if output is not None:
         output.write(text.encode())
@@ -282,13 +286,6 @@ def to_yaml(parameters: dict[str, Any], heading: str) -> str:
     }
     body = yaml.safe_dump({NODE_NAME: {'ros__parameters': plain}}, sort_keys=False)
     return f'# {heading}\n{body}'
-
-
-def _heading(test: SquareTest, first: Umbmark, second: Umbmark) -> str:
-    return (
-        f'wasd calibrate, {test.description}, {test.count} squares of {test.side:g} m: '
-        f'{1e3 * first.largest_error:.2f} mm off before, {1e3 * second.largest_error:.2f} mm after'
-    )
 
 
 def _say(what: str, count: int) -> Any:

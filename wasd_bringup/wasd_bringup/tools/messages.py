@@ -3,53 +3,22 @@
 
 from array import array
 from collections.abc import Callable, Mapping
-from functools import cache
 import math
 import re
 import sys
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from rosidl_parser.definition import (
+    AbstractGenericString,
+    AbstractNestedType,
+    AbstractSequence,
+    Array,
+    BasicType,
+    NamespacedType,
+)
 from wasd_core.errors import suggest, UserError
 import yaml
-
-_SEQUENCE = re.compile(r'sequence<(?P<item>[^,]+?)(?:, \d+)?>')
-_ARRAY = re.compile(r'(?P<item>.+)\[(?P<length>\d+)\]')
-_NESTED = re.compile(r'\w+/\w+')
-
-
-class FieldType(NamedTuple):
-    """A primitive, a string or a message `package/Name`, alone or several of them."""
-
-    item: str
-    is_sequence: bool = False
-    length: int | None = None  # of an array
-
-    @property
-    def is_single(self) -> bool:
-        """Whether it is one item."""
-        return not self.is_sequence and self.length is None
-
-    @property
-    def is_message(self) -> bool:
-        """Whether the items are messages themselves."""
-        return _NESTED.fullmatch(self.item) is not None
-
-    @property
-    def is_string(self) -> bool:
-        """Whether the items are strings."""
-        return self.item.startswith(('string', 'wstring'))
-
-
-@cache
-def parse_field_type(text: str) -> FieldType:
-    """Return what a text such as `double[36]` or `sequence<std_msgs/Header, 3>` says."""
-    if (match := _SEQUENCE.fullmatch(text)) is not None:
-        return FieldType(match['item'], is_sequence=True)
-    if (match := _ARRAY.fullmatch(text)) is not None:
-        return FieldType(match['item'], length=int(match['length']))
-    return FieldType(text)
-
 
 # Longer arrays and texts are cut unless asked for whole, as ros2cli does.
 SHOWN_LENGTH = 128
@@ -129,12 +98,13 @@ def fill(message: Any, values: Any, find_type: FindType, where: str = '') -> Non
     kind = type(message).__name__
     if not isinstance(values, Mapping):
         raise UserError(f'{where or kind}: wanted fields as {{name: value}}, got {values!r}')
-    types = message.get_fields_and_field_types()
+    words = message.get_fields_and_field_types()
+    types = dict(zip(words, message.SLOT_TYPES, strict=True))
     for name, value in values.items():
         if name not in types:
             raise UserError(f'{kind} has no field {name!r}{suggest(str(name), list(types))}')
         place = f'{where}.{name}' if where else name
-        setattr(message, name, _from_plain(value, types[name], find_type, place))
+        setattr(message, name, _from_plain(value, types[name], words[name], find_type, place))
 
 
 def _field_names(value: Any) -> list[str]:
@@ -142,23 +112,25 @@ def _field_names(value: Any) -> list[str]:
     return list(fields)
 
 
-def _from_plain(value: Any, kind: str, find_type: FindType, where: str) -> Any:
-    """Return a value as the type of a field wants it."""
-    field = parse_field_type(kind)
-    if not field.is_single:
-        if not isinstance(value, list) or field.length not in (None, len(value)):
-            raise UserError(f'{where}: wanted {kind}, got {value!r}')
+def _from_plain(value: Any, kind: Any, words: str, find_type: FindType, where: str) -> Any:
+    """Return a value as the type of a field wants it, which `words` name."""
+    if isinstance(kind, AbstractNestedType):
+        is_short = isinstance(kind, Array) and isinstance(value, list) and len(value) != kind.size
+        if not isinstance(value, list) or is_short:
+            raise UserError(f'{where}: wanted {words}, got {value!r}')
+        item = kind.value_type
+        words = getattr(item, 'typename', 'string')
         return [
-            _from_plain(one, field.item, find_type, f'{where}[{index}]')
+            _from_plain(one, item, words, find_type, f'{where}[{index}]')
             for index, one in enumerate(value)
         ]
-    if field.is_message:
-        nested = find_type(kind)()
+    if isinstance(kind, NamespacedType):
+        nested = find_type('/'.join(kind.namespaced_name()))()
         fill(nested, value, find_type, where)
         return nested
-    if field.is_string and isinstance(value, (str, int, float)):
+    if isinstance(kind, AbstractGenericString) and isinstance(value, (str, int, float)):
         return str(value)
-    return _primitive(value, kind, where)
+    return _primitive(value, words, where)
 
 
 # A number to people and to ROS's files, and a text to YAML 1.1, which wants a point and a sign.
@@ -198,18 +170,19 @@ _SIZES = {
 def cdr_end(message: Any, start: int = 0) -> int:
     """Return where a message without wide strings ends as CDR, that begins at a place [B]."""
     at = start
-    for name, text in message.get_fields_and_field_types().items():
-        field, value = parse_field_type(text), getattr(message, name)
-        items = [value] if field.is_single else value
-        if field.is_sequence:
+    for name, kind in zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True):
+        value = getattr(message, name)
+        is_single = not isinstance(kind, AbstractNestedType)
+        items, item = ([value], kind) if is_single else (value, kind.value_type)
+        if isinstance(kind, AbstractSequence):
             at += -at % 4 + 4
-        if field.item in _SIZES and len(items):
-            size = _SIZES[field.item]
+        if isinstance(item, BasicType) and len(items):
+            size = _SIZES[item.typename]
             at += -at % size + size * len(items)
-        elif field.is_message:
-            for item in items:
-                at = cdr_end(item, at)
-        elif field.is_string:
-            for item in items:
-                at += -at % 4 + 4 + len(item.encode()) + 1
+        elif isinstance(item, NamespacedType):
+            for each in items:
+                at = cdr_end(each, at)
+        elif isinstance(item, AbstractGenericString):
+            for each in items:
+                at += -at % 4 + 4 + len(each.encode()) + 1
     return at
