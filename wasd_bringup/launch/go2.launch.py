@@ -9,8 +9,6 @@ Its own keys: 2 stands, 4 trots, then w a s d; 2 and 5 let it follow cmd_vel.
 """
 
 from launch import LaunchDescription
-from launch.substitutions import LaunchConfiguration
-from launch_ros.parameter_descriptions import ParameterValue
 from quadruped_sim.parameters import LegNodeParameters
 from wasd_bringup.robots import GO2
 from wasd_bringup.ros.launch_parts import (
@@ -21,12 +19,12 @@ from wasd_bringup.ros.launch_parts import (
     robot_node,
     robot_nodes,
     rviz,
+    text,
 )
 
 
 def generate_launch_description():
     """Return the arguments and the nodes: simulator, controller, frames, keyboard, RViz."""
-    robot = ParameterValue(LaunchConfiguration('description'), value_type=str)
     names = ('estimator', 'limits', 'gait')
     asked = {name: parameter_value(LegNodeParameters, name) for name in names}
     return LaunchDescription(
@@ -34,7 +32,9 @@ def generate_launch_description():
             *robot_arguments(GO2),
             *(parameter_argument(LegNodeParameters, name) for name in asked),
             *robot_nodes(),
-            robot_node('quadruped_sim', 'leg_controller', description=robot, **asked),
+            robot_node(
+                'quadruped_sim', 'leg_controller', description=text('description'), **asked
+            ),
             *keyboard(),
             rviz(GO2),
         ]

@@ -16,15 +16,18 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution
 from launch_ros.parameter_descriptions import ParameterValue
 from wasd_bringup.robots import MBOT
-from wasd_bringup.ros.launch_parts import keyboard, robot_arguments, robot_node, robot_nodes, rviz
+from wasd_bringup.ros.launch_parts import (
+    keyboard,
+    robot_arguments,
+    robot_node,
+    robot_nodes,
+    rviz,
+    text,
+)
 
 
 def generate_launch_description():
     """Return the arguments and the nodes: simulator, controller, frames, keyboard, RViz."""
-    robot, mode, file = (
-        ParameterValue(LaunchConfiguration(name), value_type=str)
-        for name in ('description', 'mode', 'controller')
-    )
     has_physics = NotEqualsSubstitution(LaunchConfiguration('mode'), 'fake')
     use_sim_time = ParameterValue(has_physics, value_type=bool)
     return LaunchDescription(
@@ -41,13 +44,13 @@ def generate_launch_description():
                 default_value='',
                 description="YAML with the drive's parameters, as `wasd mbot --controller`.",
             ),
-            *robot_nodes(IfCondition(has_physics), use_sim_time, controller=file),
+            *robot_nodes(IfCondition(has_physics), use_sim_time, controller=text('controller')),
             robot_node(
                 'diff_drive_sim',
                 'diff_drive_controller',
-                description=robot,
-                mode=mode,
-                controller=file,
+                description=text('description'),
+                mode=text('mode'),
+                controller=text('controller'),
                 use_sim_time=use_sim_time,
             ),
             *keyboard(use_sim_time),

@@ -54,6 +54,11 @@ def parameter_value(definition: type[Parameters], name: str) -> ParameterValue:
     return ParameterValue(LaunchConfiguration(name), value_type=type(field.default))
 
 
+def text(argument: str) -> ParameterValue:
+    """Return what an argument gives a parameter that is a text."""
+    return ParameterValue(LaunchConfiguration(argument), value_type=str)
+
+
 def robot_arguments(robot: RobotRow) -> list[DeclareLaunchArgument]:
     """Return the arguments that all robots have, with the defaults of one."""
     path = [FindPackageShare('wasd_bringup'), 'launch', 'no_parameters.yaml']
@@ -124,7 +129,7 @@ def robot_nodes(
 
     Where there may be no physics, there is no simulator then, and no simulated time.
     """
-    both['description'] = ParameterValue(LaunchConfiguration('description'), value_type=str)
+    both['description'] = text('description')
     names = ('world', 'seed', 'speed')
     asked = {name: parameter_value(SimulatorParameters, name) for name in names}
     return [
@@ -150,7 +155,7 @@ def keyboard(use_sim_time: Any = True, cmd_vel: str = 'cmd_vel') -> list[Node]:
         'remappings': list(NAMESPACED),
     }
     renamed = [('cmd_vel', cmd_vel)] if cmd_vel != 'cmd_vel' else []
-    preset = {'preset': ParameterValue(keys, value_type=str), 'use_sim_time': use_sim_time}
+    preset = {'preset': text('keys'), 'use_sim_time': use_sim_time}
     return [
         Node(
             executable='key_publisher',
@@ -241,7 +246,7 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
             output='screen',
             parameters=[
                 _file(f'navigator_{robot.name}.yaml'),
-                {'use_sim_time': True, 'map': _text('map')},
+                {'use_sim_time': True, 'map': text('map')},
             ],
             remappings=[('cmd_vel', 'nav_vel')],
             condition=IfCondition(EqualsSubstitution(LaunchConfiguration('nav'), BUILTIN)),
@@ -273,7 +278,7 @@ def _managed(
 ) -> list[Node]:
     """Return nodes of Nav2 with their parameter files, and what activates them in this order."""
     common = {'use_sim_time': True}
-    asked = {'map_server': {'yaml_filename': _text('map')}}
+    asked = {'map_server': {'yaml_filename': text('map')}}
     started = [
         Node(
             package=package,
@@ -306,7 +311,3 @@ def _slam_toolbox(robot: RobotRow, condition: IfCondition) -> IncludeLaunchDescr
         launch_arguments=values.items(),
         condition=condition,
     )
-
-
-def _text(argument: str) -> ParameterValue:
-    return ParameterValue(LaunchConfiguration(argument), value_type=str)
