@@ -7,7 +7,6 @@ import threading
 import time
 from typing import NamedTuple
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -188,7 +187,9 @@ class GamepadNode(Node):
         self._has_looked.set()
 
     def _tell(self, state: JoyState) -> None:
-        message = to_joy(state, self.get_clock().now().to_msg())
+        message = Joy(axes=state.axes, buttons=state.buttons)
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = JOY_FRAME
         self.joy.expect(message)
         self._joy.publish(message)  # first: a key may disarm the pad, which publishes, too
         self._on_joy(message, is_own=True)
@@ -238,14 +239,6 @@ class GamepadNode(Node):
         changes = {name: value for name, value in pairs if value != before.value(name)}
         self._given = {**self._given, **changes}
         self.logic.parameters = PAD_PRESETS[self._preset].changed(self._given)
-
-
-def to_joy(state: JoyState, stamp: Time) -> Joy:
-    """Return the message of a state."""
-    message = Joy(axes=state.axes, buttons=state.buttons)
-    message.header.stamp = stamp
-    message.header.frame_id = JOY_FRAME
-    return message
 
 
 def from_joy(message: Joy) -> JoyState:

@@ -68,7 +68,7 @@ def test_a_silence_lasts_by_wall_time_but_that_of_a_script_or_a_plan_by_simulate
 
 def test_a_key_without_a_name_is_nothing_not_even_a_velocity_of_zero(drivers):
     told = []
-    drivers.on_take.append(told.append)
+    drivers.on_take.append(lambda *taken: told.append(taken))
     assert not drivers.take('topic', key='')
     assert told == []
     drivers.take('topic', velocity=FAST)
@@ -100,7 +100,7 @@ def test_the_last_that_takes_it_drives_and_the_others_ask(drivers):
 
 def test_what_drives_by_itself_is_told_who_takes_over(drivers):
     told = []
-    drivers.on_take.append(told.append)
+    drivers.on_take.append(lambda *taken: told.append(taken))
     drivers.take('topic', velocity=FAST, what='somebody on /cmd_vel')
     drivers.take('keys', key='RELEASE+i')
     assert [tuple(take) for take in told] == [('topic', 'somebody on /cmd_vel')]

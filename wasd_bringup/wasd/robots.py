@@ -17,7 +17,7 @@ from quadruped_sim.keys import FOLLOWING, KeyWords, STATE_KEYS, StateName
 from quadruped_sim.states.policy import Walker
 from wasd_bringup.cli.options import LONGEST_RUN, read_folders
 from wasd_bringup.robots import G1 as G1_ROW
-from wasd_bringup.robots import GO2, MBOT
+from wasd_bringup.robots import GO2, MBOT, RobotRow
 from wasd_bringup.run.options import MAPPED_SCAN, RunOptions, SCANS
 from wasd_bringup.run.robot import Velocity
 from wasd_bringup.run.worlds import build_robots
@@ -42,8 +42,25 @@ class Robot:
         UserError: the seed is below 0 or has more than 63 bits.
     """
 
-    def __init__(self, options: RunOptions) -> None:
-        SimulatorParameters.checked('seed', int(options.seed))
+    def __init__(
+        self,
+        row: RobotRow,
+        world: str | os.PathLike[str],
+        seed: int,
+        description: str | os.PathLike[str],
+        package_path: Sequence[str | os.PathLike[str]],
+        **others: Any,
+    ) -> None:
+        SimulatorParameters.checked('seed', int(seed))
+        options = RunOptions(
+            robot=row.name,
+            world=os.fspath(world),
+            seed=seed,
+            description=os.fspath(description),
+            package_path=read_folders(package_path, 'package_path'),
+            speed=0.0,
+            **{'preset': row.preset} | others,
+        )
         (robot,) = build_robots(options, visuals=True)
         self._robot: Any = robot
         for note in robot.notes:
@@ -236,24 +253,20 @@ class Go2(Robot):
             wanted = ' or '.join(SCANS)
             raise UserError(f'height_scan: got {height_scan!r}, wanted {wanted}')
         super().__init__(
-            RunOptions(
-                robot=GO2.name,
-                preset=GO2.preset,
-                world=os.fspath(world),
-                seed=seed,
-                description=os.fspath(description),
-                package_path=read_folders(package_path, 'package_path'),
-                xacro_arguments=xacro_arguments,
-                estimator=estimator,
-                limits=limits,
-                gait=gait,
-                eyes=eyes,
-                policy=os.fspath(policy) if isinstance(policy, (str, os.PathLike)) else policy,
-                policy_config=None if policy_config is None else os.fspath(policy_config),
-                height_scan=height_scan,
-                untold=untold,
-                speed=0.0,
-            )
+            GO2,
+            world,
+            seed,
+            description,
+            package_path,
+            xacro_arguments=xacro_arguments,
+            estimator=estimator,
+            limits=limits,
+            gait=gait,
+            eyes=eyes,
+            policy=os.fspath(policy) if isinstance(policy, (str, os.PathLike)) else policy,
+            policy_config=None if policy_config is None else os.fspath(policy_config),
+            height_scan=height_scan,
+            untold=untold,
         )
         self._robot.legs.controller.words = KeyWords(policy='policy=FILE')
 
@@ -342,18 +355,14 @@ class G1(Robot):
         untold: Untold = NOTHING,
     ) -> None:
         super().__init__(
-            RunOptions(
-                robot=G1_ROW.name,
-                preset=G1_ROW.preset,
-                world=os.fspath(world),
-                seed=seed,
-                description=os.fspath(description),
-                package_path=read_folders(package_path, 'package_path'),
-                policy=None if policy is None else os.fspath(policy),
-                policy_config=None if policy_config is None else os.fspath(policy_config),
-                untold=untold,
-                speed=0.0,
-            )
+            G1_ROW,
+            world,
+            seed,
+            description,
+            package_path,
+            policy=None if policy is None else os.fspath(policy),
+            policy_config=None if policy_config is None else os.fspath(policy_config),
+            untold=untold,
         )
         from policy_player.joint_controller import Means
 
@@ -430,18 +439,16 @@ class Mbot(Robot):
         package_path: Sequence[str | os.PathLike[str]] = (),
         xacro_arguments: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        options = RunOptions(
-            robot=MBOT.name,
+        super().__init__(
+            MBOT,
+            world,
+            seed,
+            description,
+            package_path,
             preset=preset,
-            world=os.fspath(world),
-            seed=seed,
-            description=os.fspath(description),
-            package_path=read_folders(package_path, 'package_path'),
             xacro_arguments=xacro_arguments,
             controller=None if controller is None else Path(controller),
-            speed=0.0,
         )
-        super().__init__(options)
         mode = self._robot.settings.mode
         if mode != 'float':
             raise UserError(f"mode: got {mode!r}, a script drives mode 'float' only")

@@ -71,7 +71,11 @@ def run_command(
     def do() -> None:
         run = make_run(options, reader, viewer != 'none', ends)
         made.append(run)
-        _halt_with(stop, reader, run)
+        # Robots stop when the process is suspended, or ended in the midst of something.
+        stop.last_words.insert(0, run.stop)
+        if reader is not None and reader.terminal is not None:
+            reader.terminal.before_suspend.append(run.stop)
+            reader.terminal.after_resume.append(run.resume)
         if viewer != 'none':
             # Here, because only a viewer needs it.
             from wasd_bringup.page.bridge import open_view
@@ -141,14 +145,6 @@ def _uses_ros(options: RunOptions, ros_arguments: Sequence[str]) -> bool:
     if options.uses_ros:
         print('wasd: runs without ROS (rclpy is not installed)', file=sys.stderr, flush=True)
     return False
-
-
-def _halt_with(stop: StopSignals, reader: KeyReader | None, run: Run) -> None:
-    """Stop the robots when the process is suspended, or ended in the midst of something."""
-    stop.last_words.insert(0, run.stop)
-    if reader is not None and reader.terminal is not None:
-        reader.terminal.before_suspend.append(run.stop)
-        reader.terminal.after_resume.append(run.resume)
 
 
 def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:

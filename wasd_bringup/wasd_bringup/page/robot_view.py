@@ -46,8 +46,12 @@ class RobotView:
 
     def keys(self) -> tuple[KeyCap, ...]:
         """Return the keymap, after the keys of states that it leaves free."""
-        logic = self._robot.logic
-        caps = () if logic is None else keymap_caps(logic.keymap)
+        caps: list[KeyCap] = []
+        if (logic := self._robot.logic) is not None:
+            keymap: Keymap = logic.keymap
+            caps += [KeyCap(key, direction_words(way)) for key, way in keymap.motion.items()]
+            caps += [KeyCap(key, 'stop at once') for key in sorted(keymap.stop_keys)]
+            caps += [KeyCap(key, factor_words(way)) for key, way in keymap.speed_keys.items()]
         taken = {cap.key for cap in caps}
         states = [KeyCap(choice.key, choice.name) for choice in self.choices()]
         return (*(cap for cap in states if cap.key not in taken), *caps)
@@ -80,12 +84,3 @@ class RobotView:
     def elevation(self) -> Elevation | None:
         """Return the heights that it has mapped around it; None before there are any."""
         return None
-
-
-def keymap_caps(keymap: Keymap) -> tuple[KeyCap, ...]:
-    """Return the keys of a keymap and what each does."""
-    return (
-        *(KeyCap(key, direction_words(way)) for key, way in keymap.motion.items()),
-        *(KeyCap(key, 'stop at once') for key in sorted(keymap.stop_keys)),
-        *(KeyCap(key, factor_words(way)) for key, way in keymap.speed_keys.items()),
-    )

@@ -40,13 +40,6 @@ def right_of(source: str) -> str:
     return RIGHTS.get(source.partition(' ')[0], USUAL_RIGHT)
 
 
-class Take(NamedTuple):
-    """A source that takes the robot, and its means: `a key`, `a velocity`."""
-
-    source: str
-    what: str
-
-
 class Held(NamedTuple):
     """What a released source was moving: by keys, by a velocity."""
 
@@ -119,8 +112,9 @@ class Drivers:
         # What a guard does to the command.
         self.guard: Callable[[], str] = lambda: ''
         self.time = 0.0  # simulated [s], told by who steps the run
-        # Told of each change of driver before it drives: what drives by itself gives way.
-        self.on_take: list[Callable[[Take], None]] = []
+        # Told of a source and its means (`a key`, `a velocity`), at each take, before it drives:
+        # what drives by itself gives way.
+        self.on_take: list[Callable[[str, str], None]] = []
 
     @property
     def state(self) -> DriverState:
@@ -161,9 +155,8 @@ class Drivers:
             return False
         if key and split_event(key)[0] == RELEASE:
             return True  # it gives up, and takes nothing
-        taken = Take(source, what or ('a key' if key else 'a velocity'))
         for tell in self.on_take:
-            tell(taken)
+            tell(source, what or ('a key' if key else 'a velocity'))
         if self._driver != source:
             self._driver, self._since = source, self.time
         return True

@@ -82,7 +82,12 @@ def parse_twist_script(text: str, name: str) -> list[ScriptedTwist]:
         if not words:
             continue
         try:
-            command = _twist_line(words)
+            time = _seconds(words[0])
+            velocity = None
+            if words[1:] != ['stop']:
+                vx, vy, wz = map(float, words[1:])
+                velocity = vx, vy, wz
+            command = ScriptedTwist(time, velocity)
         except ValueError:
             raise UserError(
                 f"{name}:{number}: got {line.strip()!r}, wanted 't vx vy wz' or 't stop'"
@@ -93,14 +98,6 @@ def parse_twist_script(text: str, name: str) -> list[ScriptedTwist]:
             )
         commands.append(command)
     return commands
-
-
-def _twist_line(words: list[str]) -> ScriptedTwist:
-    time = _seconds(words[0])
-    if words[1:] == ['stop']:
-        return ScriptedTwist(time, None)
-    vx, vy, wz = (float(word) for word in words[1:])
-    return ScriptedTwist(time, (vx, vy, wz))
 
 
 def parse_push(text: str) -> ScriptedPush:
@@ -198,7 +195,7 @@ class Player:
         return events[first:end]
 
 
-class BoxPlayer:
+class BoxPlayer(Player):
     """Puts scripted boxes, whose numbers are those of their order, where they are to stand."""
 
     def __init__(
@@ -206,19 +203,14 @@ class BoxPlayer:
         boxes: Sequence[ScriptedBox],
         put: Callable[[int, float, float, float], bool],
     ) -> None:
+        super().__init__(boxes)
         self._boxes, self._put = boxes, put
-        self._player = Player(boxes)
-
-    @property
-    def next_time(self) -> float:
-        """The simulated time [s] from which on one is due."""
-        return self._player.next_time
 
     def step(self, time: float) -> list[ScriptedBox]:
         """Put those that are due at a simulated time [s]; return the ones that have no place."""
         return [
             box
-            for box in self._player.due(time)
+            for box in self.due(time)
             if not self._put(self._boxes.index(box), box.x, box.y, box.yaw)
         ]
 

@@ -18,7 +18,6 @@ from wasd_navigation.records import Grid
 from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.waypoints import Waypoints
 
-from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.ground import ground_of
 from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.robot import Robot
@@ -240,9 +239,9 @@ class NavigationDriver:
         vx, vy, wz = velocity.tolist()
         self.robot.drive((vx, vy, wz), SOURCE)
 
-    def _give_way(self, taken: Take) -> None:
-        if taken.source != SOURCE:
-            self._cancel(f'{taken.what} takes over')
+    def _give_way(self, source: str, what: str) -> None:
+        if source != SOURCE:
+            self._cancel(f'{what} takes over')
 
     def _cancel(self, why: str, also_refused: bool = False) -> None:
         """

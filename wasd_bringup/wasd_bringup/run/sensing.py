@@ -49,9 +49,8 @@ def lidar_of(robot: RobotTree, option: str = '--map') -> LidarTag:
 
 def guard_parameters_of(robot: Robot, enabled: bool = True) -> GuardParameters:
     """Return the parameters of a robot's guard: more room around legs."""
-    if len(robot.feet):
-        return GuardParameters(enabled=enabled, footprint_padding=SWAY, drift=DRIFT)
-    return GuardParameters(enabled=enabled)
+    room: dict[str, Any] = {'footprint_padding': SWAY, 'drift': DRIFT} if len(robot.feet) else {}
+    return GuardParameters(enabled=enabled, **room)
 
 
 def margin_of(robot: Robot) -> float | None:

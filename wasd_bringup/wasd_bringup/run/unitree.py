@@ -14,7 +14,6 @@ from unitree_bridge.wire import Wire
 from wasd_core.errors import UserError
 from wasd_core.robot_io import JointCommand
 
-from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.go2 import Go2
 from wasd_bringup.run.guarding import RobotGuard
 from wasd_bringup.run.sensing import guard_parameters_of, lidar_of
@@ -130,8 +129,8 @@ class UnitreeDriver:
         tell, self.on_deed = self.on_deed, lambda: None
         tell()
 
-    def _give_way(self, taken: Take) -> None:
-        if taken.source != SOURCE:
+    def _give_way(self, source: str, what: str) -> None:
+        if source != SOURCE:
             self.bridge.give_way()
 
     def _say(self, text: str) -> None:
