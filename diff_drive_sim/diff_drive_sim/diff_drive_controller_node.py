@@ -143,7 +143,6 @@ class DiffDriveControllerNode(Node):
         self.unit.say = lambda text: self.get_logger().warning(visible(text))
         self._label = f'{self.get_namespace()}/{given.name or self.get_name()}'.strip('/')
         self._absence = AbsenceWatch(self, self._on_return)
-        self._arrived_at = 0.0
         self.cmd_vel = VelocitySubscription(
             self, self._on_velocity, self._is_stale, self.settings.stamped, self._age_of
         )
@@ -281,11 +280,13 @@ class DiffDriveControllerNode(Node):
         0 for the first, and when time jumps back. A command has no stamp, and the clock of the
         states need not be ours: when it came between two states is known by wall time.
         """
+        if gap := self.cmd_vel.step():
+            self._on_return(gap)
         previous, self._stepped_at = self._stepped_at, now
         wall_before, self._stepped_wall = self._stepped_wall, time.monotonic()
         dt = 0.0 if previous is None else max(now - previous, 0.0)
         wall = self._stepped_wall - wall_before
-        since = self._stepped_wall - self._arrived_at
+        since = self._stepped_wall - self.cmd_vel.came_at
         return dt, dt * min(since / wall, 1.0) if wall > 0.0 else 0.0
 
     def _publish_when_due(self, now: float, stamp: Any) -> None:
@@ -298,7 +299,7 @@ class DiffDriveControllerNode(Node):
         return is_stale and self.settings.cmd_vel_timeout > 0.0
 
     def _on_return(self, gap: float) -> None:
-        """Begin again after this process stood still: nobody knows who still wants what."""
+        """Begin again after this process, or time, stood still: who wants what is not known."""
         # Where somebody else steps, robot and process stood still together.
         if self._is_alone and self.settings.cmd_vel_timeout > 0.0:
             was_driven = self.controller.state == 'driving'
@@ -309,7 +310,6 @@ class DiffDriveControllerNode(Node):
                 )
 
     def _on_velocity(self, velocity: tuple[float, float, float], age: float) -> bool:
-        self._arrived_at = time.monotonic()
         linear, _, angular = velocity
         if not self.controller.command(linear, angular, age):
             self.get_logger().warning(

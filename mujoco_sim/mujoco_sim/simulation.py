@@ -49,8 +49,8 @@ class Simulation:
 
     In each instant the due tasks run in order, then physics steps to the next instant; nothing
     else moves the robot. `on_reset` are called when the robot is put back to its start, `on_step`
-    after a step by hand. `hand_steps` are the ticks at which such steps of a recording ended, in
-    order: they are made again.
+    after a step by hand, `on_resume` at the end of a pause. `hand_steps` are the ticks at which
+    such steps of a recording ended, in order: they are made again.
     """
 
     def __init__(self, world: World, speed: float) -> None:
@@ -60,6 +60,7 @@ class Simulation:
         self.paused = False
         self.on_reset: list[Callable[[], None]] = []
         self.on_step: list[Callable[[], None]] = []
+        self.on_resume: list[Callable[[], None]] = []
         self.hand_steps: deque[int] = deque()
 
     def reset(self) -> None:
@@ -126,6 +127,9 @@ class Simulation:
             if self.paused:
                 self.pacer.restart()
                 poll(POLL_PERIOD)
+                if not self.paused:
+                    for tell in self.on_resume:
+                        tell()
                 continue
             if not may_advance():
                 poll(HOLD_PERIOD)

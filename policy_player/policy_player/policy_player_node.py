@@ -80,6 +80,8 @@ class PolicyPlayerNode(Node):
         self._readings.take_imu(to_seconds(message.header.stamp), to_imu_reading(message))
 
     def _on_joints(self, message: JointState) -> None:
+        if gap := self._cmd_vel.step():
+            self._on_return(gap)
         now, answer = to_seconds(message.header.stamp), partial(self._answer, message.header.stamp)
         self._readings.take_joints(now, tuple(message.name), to_joint_states(message), answer)
 
@@ -124,9 +126,9 @@ class PolicyPlayerNode(Node):
         return True, 'passive; press 2 to stand again'
 
     def _on_return(self, gap: float) -> None:
-        """Begin without a velocity after this process stood still: nobody knows who wants it."""
+        """Begin without a velocity after this process, or time, stood still: it is too old."""
+        self.controller.command((0.0, 0.0, 0.0))
         if any(self.controller.velocity):
-            self.controller.command((0.0, 0.0, 0.0))
             self._warn(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')
 
     def _warn(self, text: str) -> None:

@@ -172,7 +172,7 @@ class LegControllerNode(Node):
         return True
 
     def _on_return(self, gap: float) -> None:
-        """Begin without a velocity after this process stood still: the old one is out of date."""
+        """Begin without a velocity after this process, or time, stood still: it is too old."""
         # Where somebody else steps, robot and process stood still together.
         if self.readings is not None and self.legs.forget_velocity():
             self.get_logger().warning(f'was paused for {gap:.1f} s: waiting for a new cmd_vel')
@@ -194,6 +194,8 @@ class LegControllerNode(Node):
             readings.take_truth(to_seconds(message.header.stamp), to_base_state(message))
 
         def on_joint_states(message: JointState) -> None:
+            if gap := self.cmd_vel.step():
+                self._on_return(gap)
             stamp, names = message.header.stamp, tuple(message.name)
             answer = partial(self._answer, stamp)
             readings.take_joints(to_seconds(stamp), names, to_joint_states(message), answer)

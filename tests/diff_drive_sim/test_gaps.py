@@ -169,6 +169,22 @@ def test_what_was_sent_while_the_controller_stood_still_moves_nothing(connect, s
     spin_until(spawn.pump, lambda: driver.controller.target.linear == 0.1)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(('ago', 'speed'), [(5.0, 0.0), (3.0, 0.0), (0.1, 0.3)])
+def test_of_a_pause_of_the_simulator_a_velocity_counts_only_if_it_is_new(spawn, ago, speed):
+    driver = spawn(DiffDriveControllerNode())
+    state, twist = JointState(name=WHEELS, position=[0.0, 0.0]), Twist()
+    state.header.stamp.sec, twist.linear.x = 1, 0.3
+    driver._on_joint_states(state)
+    driver.cmd_vel.hear(twist)
+    # The simulator is as if it had been paused.
+    driver.cmd_vel._steps._lived_at -= 4.2
+    driver.cmd_vel.came_at -= ago
+    state.header.stamp.nanosec = 20_000_000
+    driver._on_joint_states(state)
+    assert driver.controller.target.linear == speed
+
+
 def test_absence_judges_by_the_clock_of_the_sender():
     for ahead in (0.0, 5.0, -5.0):
         absence = Absence()

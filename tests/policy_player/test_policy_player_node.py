@@ -6,6 +6,7 @@ import re
 from geometry_msgs.msg import Twist
 import numpy as np
 from policy_files import mjlab, onnx
+from policy_player.joint_controller import State
 from policy_player.policy_player_node import PolicyPlayerNode
 import pytest
 from rclpy.parameter import Parameter
@@ -104,6 +105,25 @@ def test_a_network_refuses_readings_slower_than_its_period_in_a_line(ros, networ
     assert node.controller.press('p').startswith(f'{topic} comes at ')
     feed(7.0, 2.0, 1)
     assert node.controller.press('p') == ''
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(('ago', 'counts'), [(5.0, False), (3.0, False), (0.1, True)])
+def test_of_a_pause_of_the_simulator_a_velocity_counts_only_if_it_is_new(
+    ros, network, ago, counts
+):
+    node = make_node(description='go2', policy=network)
+    zeros = np.zeros(12)
+    node._on_joints(to_joint_state(JOINTS, to_stamp(1.0), zeros, zeros, zeros))
+    node.controller.state = State.POLICY
+    message = Twist()
+    message.linear.x = 0.5
+    node._cmd_vel.hear(message)
+    # The simulator is as if it had been paused.
+    node._cmd_vel._steps._lived_at -= 4.2
+    node._cmd_vel.came_at -= ago
+    node._on_joints(to_joint_state(JOINTS, to_stamp(1.01), zeros, zeros, zeros))
+    assert any(node.controller._asked) == counts
     node.destroy_node()
 
 

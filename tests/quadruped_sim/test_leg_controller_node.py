@@ -2,6 +2,7 @@
 """The node: keys and cmd_vel in, commands, odometry, state and a service out, on real topics."""
 
 import re
+import time
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
@@ -280,8 +281,8 @@ def test_a_state_that_is_not_complete_is_ignored_with_one_warning(
 def test_without_a_fresh_imu_it_gives_no_commands(readings, peer, feed, capfd):
     feed(1.0)
     answers = []
-    for time in (1.5, 1.57):  # the first is given up when the next one comes
-        readings.take_joints(time, JOINT_NAMES, RESTING, answers.append)
+    for now in (1.5, 1.57):  # the first is given up when the next one comes
+        readings.take_joints(now, JOINT_NAMES, RESTING, answers.append)
     assert 'imu/data is silent' in capfd.readouterr().err
     feed(1.602)
     assert answers == []
@@ -298,6 +299,19 @@ def test_joints_that_overtake_the_imu_wait_for_it(readings, feed, standing, behi
     readings.take_imu(1.0 + behind, standing.imu)
     assert readings.last == 1.0 + behind
     assert len(answers) == 1
+
+
+@pytest.mark.usefixtures('alive')
+@pytest.mark.parametrize(('ago', 'counts'), [(5.0, False), (3.0, False), (0.1, True)])
+def test_of_a_pause_of_the_simulator_a_velocity_counts_only_if_it_is_new(node, feed, ago, counts):
+    feed(1.0)
+    asked = node.legs.controller.command_filter
+    asked.request(0.3, 0.0, 0.0)
+    # The simulator is as if it had been paused.
+    node.cmd_vel._steps._lived_at -= 4.2
+    node.cmd_vel.came_at = time.monotonic() - ago
+    feed(1.002)
+    assert asked.is_silent == (not counts)
 
 
 def test_legs_that_it_is_given_are_fed_by_no_topic(spawn, go2):

@@ -351,6 +351,32 @@ def test_an_e_stop_ends_a_script_of_keys_unless_it_is_the_script_s_own(by, goes_
     run.close()
 
 
+def test_a_velocity_of_a_topic_ends_with_a_pause_and_the_next_one_counts():
+    run = Run(RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0))
+    simulation, robot = run.simulation, run.robot
+
+    def drive():
+        robot.follow('/cmd_vel', VELOCITY)
+
+    for moment in ('before', 'meanwhile'):
+
+        def poll(timeout, moment=moment):
+            if simulation.paused and moment == 'meanwhile':
+                drive()
+            simulation.paused = False
+
+        if moment == 'before':
+            drive()
+        simulation.paused = True
+        until = robot.world.time + 0.1
+        simulation.run(lambda until=until: robot.world.time >= until, poll)
+        assert robot.sample().command == (0.0, 0.0, 0.0)
+    drive()
+    simulation.advance(100)
+    assert robot.sample().command == VELOCITY
+    run.close()
+
+
 def test_the_robot_stops_when_the_last_keyboard_of_others_is_gone(ros):
     options = RunOptions(robot='mbot', description='mbot', preset='ramps', speed=0.0)
     run = make_ros_run(options)

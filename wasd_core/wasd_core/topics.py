@@ -22,7 +22,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 
 from wasd_core.network import is_sourced
-from wasd_core.timing import Absence
+from wasd_core.timing import Absence, SHORTEST_ABSENCE
 from wasd_core.velocity_messages import to_velocity, VELOCITY_TYPES
 
 # Publishers of sensors, states, odometry, /clock; both ends of commands. Reliable, 10 deep.
@@ -338,11 +338,23 @@ class VelocitySubscription(LoopbackSubscription[Any]):
         age_of: Callable[[Time], float | None] = lambda stamp: 0.0,
     ) -> None:
         self.on_velocity, self._age_of = on_velocity, age_of
+        self._steps, self.came_at = Absence(), 0.0  # the last velocity, by `time.monotonic` [s]
         self.type: type[Any] = TwistStamped if stamped else Twist
         super().__init__(node, self.type, 'cmd_vel', lambda message: None, RELIABLE, is_stale)
         self.admit = self._deliver  # who admits a velocity takes it
         watch_types(node, self.type, 'cmd_vel')
 
     def _deliver(self, message: Any) -> bool:
+        self.came_at = time.monotonic()
         age = self._age_of(message.header.stamp) if self.type is TwistStamped else 0.0
         return age is not None and self.on_velocity(to_velocity(message), age)
+
+    def step(self) -> float:
+        """
+        Note a step in simulated time; return how long there was none [s of wall time].
+
+        0 where that is not long, or a velocity came lately: somebody still wants it.
+        """
+        now = time.monotonic()
+        gap = self._steps.beat(now)
+        return gap if now - self.came_at > SHORTEST_ABSENCE else 0.0

@@ -101,6 +101,7 @@ class Robot(ABC):
         complain = logging.getLogger('wasd.simulator').error
         self.sensors = Sensors(loaded, world, SimulatorParameters(lidar=options.lidar), complain)
         simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
+        simulation.on_resume.append(self._resume)
         self.on_key: list[Callable[[str], None]] = []
         self.on_velocity: list[Callable[[FullVelocity], None]] = []
         # What a guard does to the command in force; '' without a guard.
@@ -415,6 +416,11 @@ class Robot(ABC):
         self._press(key, is_pressed)
         for tell in self.on_key:
             tell(key)
+
+    def _resume(self) -> None:
+        """End a velocity of a topic after a pause: nobody knows who still wants it."""
+        if self.drivers.held('topic').velocity:
+            self.drive(STANDSTILL, 'topic')
 
     def _end(self, held: Held) -> None:
         if held.velocity:
