@@ -2,9 +2,11 @@
 from pathlib import Path
 import shutil
 
+from cases import for_all
 import pytest
 from robot_description.describe_command import main, MENDABLE
 from robot_description.fix.mending import FIXES, mend
+from robot_description.fix.workspace import Edit
 from robot_description.lint.session import lint
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.session import expand_document, XacroSession
@@ -148,22 +150,55 @@ def test_sides_that_the_name_decides_in_a_macro_are_left_alone(write):
     assert [one.rule.code for one in fixes.left] == ['swapped-sides']
 
 
-@pytest.mark.slow
-def test_a_footprint_stands_where_the_wheels_do(write):
+def wheeled(z):
+    """Return two joints of wheels below link `base`, at a height [m]."""
     wheel = (
         '<collision><geometry><cylinder radius="0.06" length="0.025"/></geometry></collision>'
         '<inertial><mass value="0.2"/>'
         '<inertia ixx="2e-4" iyy="2e-4" izz="2e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
     )
-    body = joint('left_wheel_joint', 'l', '0 0.19 -0.05', 'continuous') + joint(
-        'right_wheel_joint', 'r', '0 -0.19 -0.05', 'continuous'
+    body = joint('left_wheel_joint', 'l', f'0 0.19 {z}', 'continuous') + joint(
+        'right_wheel_joint', 'r', f'0 -0.19 {z}', 'continuous'
     )
     body = body.replace('<child', '<axis xyz="0 1 0"/><child')
-    path = write(
-        body.replace('<link name="l"/>', f'<link name="l">{wheel}</link>').replace(
-            '<link name="r"/>', f'<link name="r">{wheel}</link>'
-        )
+    return body.replace('<link name="l"/>', f'<link name="l">{wheel}</link>').replace(
+        '<link name="r"/>', f'<link name="r">{wheel}</link>'
     )
+
+
+@for_all('kind', ['fixed', 'floating', 'planar'])
+def test_no_footprint_is_put_under_a_world(write, kind):
+    world = '<link name="world"/><joint name="w" type="{}"><parent link="world"/>{}</joint>'
+    path = write(wheeled(0.3) + world.format(kind, '<child link="base"/>'))
+    fixes = mend(path)
+    assert fixes.after == {}
+    assert 'missing-footprint' not in {one.rule.code for one in fixes.left}
+
+
+def test_a_footprint_has_the_line_ends_of_the_file_and_the_root_as_it_is_written(write):
+    path = write(wheeled(-0.05).replace('link="base"', 'link="a&amp;&quot;b"'))
+    text = path.read_text().replace('"base"', '"a&amp;&quot;b"').replace('\n', '\r\n')
+    path.write_bytes(text.encode())
+    mended = mend(path).after[path]
+    assert mended.count(b'\n') == mended.count(b'\r\n')
+    assert b'<child link="a&amp;&quot;b"/>' in mended
+    path.write_bytes(mended)
+    assert parse_urdf(expand_document(path).urdf).root == 'base_footprint'
+    assert mend(path).after == {}
+
+
+def test_a_fix_after_which_nobody_can_read_the_file_is_taken_back(write, monkeypatch):
+    def spoil(workspace):
+        yield Edit(path, 0, 0, 'no xml <<')
+
+    path = write(wheeled(-0.05))
+    monkeypatch.setitem(FIXES, 'missing-footprint', spoil)
+    assert mend(path).mended == ()
+
+
+@pytest.mark.slow
+def test_a_footprint_stands_where_the_wheels_do(write):
+    path = write(wheeled(-0.05))
     text = mended_text(path)
     assert '\n  <link name="base_footprint"/>\n  <joint name="base_footprint_joint"' in text
     path.write_text(text)
@@ -223,6 +258,21 @@ def test_a_joint_of_another_package_is_not_renamed(tmp_path, capsys):
     path.write_text(f'{HEAD}<xacro:include filename="$(find cat)/cat.xacro"/></robot>')
     assert main(['fix', str(path), '--rename', 'tail_joint:=t']) == 2
     assert '--rename tail_joint: cannot be done here' in capsys.readouterr().err
+
+
+def test_a_link_keeps_its_name_where_a_joint_of_that_name_gets_another(write):
+    tags = (
+        '<gazebo reference="wheel"><mu1>0.3</mu1></gazebo><gazebo><plugin name="wheel">'
+        '<frameName>wheel</frameName>{}</plugin></gazebo>'
+    )
+    names = (
+        '<leftJoint>{0}</leftJoint></plugin></gazebo><transmission name="t"><joint name="{0}"/>'
+    )
+    body = joint('{0}', 'wheel') + tags.replace('{}</plugin></gazebo>', names) + '</transmission>'
+    path = write(body.format('wheel'))
+    assert mended_text(path, renames={'wheel': 'lw'}) == path.read_text().replace(
+        body.format('wheel'), body.format('lw')
+    )
 
 
 def test_two_joints_exchange_their_names(write):

@@ -12,7 +12,8 @@ from wasd_core.safe_files import Place
 
 from robot_description.fix.workspace import Edit, Workspace
 from robot_description.lint.geometry import find_wheels, FOOTPRINT, swapped_pairs
-from robot_description.lint.model import Element
+from robot_description.lint.model import Element, Model
+from robot_description.lint.structure import JOINT_TAGS
 from robot_description.morphology.names import hint_at, OPPOSITE, sides
 from robot_description.xacro.source import PREFIX, SourceTag, unprefixed_calls
 
@@ -28,6 +29,8 @@ TEXT = """{indent}<link name="{footprint}"/>
 COMPONENT = re.compile(rb'(?:\$\{[^}]*\}|\$\([^)]*\)|[^\s$])+')
 # Tags whose name or link is that of a link, though a joint may be called the same.
 LINK_TAGS = {'link', 'parent', 'child', 'visual', 'collision', 'material'}
+# Tags with their attributes, or None for their text, that name a joint though a link has its name.
+JOINT_PLACES = {('joint', 'name'), ('mimic', 'joint'), *((tag, None) for tag in JOINT_TAGS)}
 PIECE = re.compile(r'\$\{([^}]*)\}|(\$\([^)]*\))|([^$]+|\$)')
 NAME = re.compile(r'[A-Za-z_][\w./-]*')
 
@@ -106,8 +109,12 @@ def add_footprint(workspace: Workspace) -> Iterator[Edit]:
         indent = before if not before.strip() else indent
     # How far below the root the wheels touch the ground [m].
     height = max(wheel.radius - wheel.z for wheel in find_wheels(model))
-    text = TEXT.format(indent=indent, footprint=FOOTPRINT, height=height, root=roots[0])
-    yield Edit(workspace.path, at, at, text if is_alone else '\n' + text)
+    root = escape(roots[0], QUOTES)
+    text = TEXT.format(indent=indent, footprint=FOOTPRINT, height=height, root=root)
+    text = text if is_alone else '\n' + text
+    if data[:line_start].endswith(b'\r\n'):
+        text = text.replace('\n', '\r\n')
+    yield Edit(workspace.path, at, at, text)
 
 
 def swap_sides(workspace: Workspace, side: str) -> Iterator[Edit]:
@@ -206,22 +213,21 @@ def rename_joints(workspace: Workspace, renames: Mapping[str, str]) -> Iterator[
             raise DescriptionError(f'--rename {old}: there is no such joint{hint}')
         if new in model.joints and new not in renames:
             raise DescriptionError(f'--rename {old}:={new}: there is a joint {new!r} already')
-    for place, tag, attribute in set(_spots(model.robot, renames)):
+    for place, tag, attribute in set(_spots(model, renames)):
         edit = _edit(workspace, workspace.tag_at(place, tag), attribute, place.file, renames)
         if edit is not None:
             yield edit
 
 
-def _spots(robot: Element, renames: Mapping[str, str]) -> Iterator[tuple[Place, str, str | None]]:
+def _spots(model: Model, renames: Mapping[str, str]) -> Iterator[tuple[Place, str, str | None]]:
     """Yield where a name stands: an attribute of a tag at a place, or its text."""
-    for element in robot.walk():
+    for element in model.robot.walk():
         if element.tag in LINK_TAGS:
             continue
-        for attribute, value in element.attributes.items():
-            if value in renames:
+        for attribute, name in [*element.attributes.items(), (None, element.text)]:
+            is_joint = name not in model.links or (element.tag, attribute) in JOINT_PLACES
+            if name in renames and is_joint:
                 yield element.place, element.tag, attribute
-        if element.text in renames:
-            yield element.place, element.tag, None
 
 
 def _edit(

@@ -88,13 +88,14 @@ def mend(
 
 def _mend(workspace: Workspace, code: str, fix: Callable[[Workspace], Iterator[Edit]]) -> bool:
     """Apply a fix while it helps; take it back where it does not."""
-    before = _count(workspace, code)
+    before, unreadable = _count(workspace, code), _count(workspace, 'not-readable')
     if not before:
         return False
     kept = dict(workspace.changed)
     try:
         workspace.apply(fix(workspace))
         helps = _count(workspace, code) < before
+        helps = helps and _count(workspace, 'not-readable') <= unreadable
     except DescriptionError:
         helps = False
     if not helps:

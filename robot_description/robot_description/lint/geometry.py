@@ -306,8 +306,10 @@ def check_wheels(model: Model) -> Iterator[Finding]:
             yield finding('different-wheels', wheel.joint.place, f'{text}{abs(mate.y):g} m')
 
 
-def check_footprint(model: Model) -> Iterator[Finding]:
-    """A robot on two wheels has its root on the ground, or else a link `base_footprint`."""
+def check_footprint(model: Model, robot: Robot) -> Iterator[Finding]:
+    """A robot that floats on two wheels has its root on the ground, or a `base_footprint`."""
+    if robot.is_fixed or robot.root in model.joint_above:
+        return
     wheels = find_wheels(model)
     bottom = min((wheel.z - wheel.radius for wheel in wheels), default=0.0)
     if len(wheels) == 2 and abs(bottom) > ON_GROUND and FOOTPRINT not in model.links:

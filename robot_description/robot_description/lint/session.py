@@ -64,7 +64,6 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     geometry.check_inertias,
     geometry.check_sides,
     geometry.check_wheels,
-    geometry.check_footprint,
     check_sensors,
 )
 # The cure where a mesh lies in a package that happens to be installed here.
@@ -111,6 +110,7 @@ def lint(session: XacroSession, expected_joints: Sequence[str] = ()) -> list[Fin
         else:
             for check_robot in (
                 geometry.check_massless, geometry.check_floating, geometry.check_size,
+                geometry.check_footprint,
             ):  # fmt: skip
                 found += islice(check_robot(model, robot), MOST_FINDINGS)
             found += _check_meshes(model, robot, session.sources)
