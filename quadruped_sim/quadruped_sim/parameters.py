@@ -46,9 +46,6 @@ ACCELERATION_SHARE = 0.4
 # Motors of less than this share of the Go2's speed have not the time to lift feet as high: at full
 # stick such robots came sideways only 0.83 as fast (catalogue: legs/slow_motors).
 LIFT_SHARE = 0.5
-# Lowest rate [Hz]: at 250 a Go2 at 2 m/s falls with answers three states late, the most that the
-# simulator allows; at 300 it does not. Highest: that of physics.
-RATES = (300.0, 1000.0)
 NAME = 'leg_controller'
 # Parameters of the driver or the wire, not of the body.
 NOT_SCALED = {'timeout'}
@@ -111,8 +108,10 @@ class LegNodeParameters(LegControllerParameters):
         doc='Rate of the controller in lock-step; alone it steps at each state, and moves nothing '
         f'while they come at less than {ENOUGH} of it',
         unit='Hz',
-        minimum=RATES[0],
-        maximum=RATES[1],
+        # Of the rates that fit the physics step, the next is 250: there a Go2 at 2 m/s falls with
+        # answers three states late, the most that the simulator allows.
+        minimum=LEG_RATE,
+        maximum=1000.0,
         read_only=True,
     )
     publish_rate: float = parameter(

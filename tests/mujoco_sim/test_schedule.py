@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from cases import for_all
+from diff_drive_sim.parameters import DiffDriveParameters
+from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.simulation import Schedule
+import numpy as np
 import pytest
+from quadruped_sim.parameters import LegNodeParameters
 from wasd_core.errors import SimulationError
+from wasd_core.parameters import known_parameters
 
 
 @pytest.fixture
@@ -84,3 +90,31 @@ def test_a_rate_that_does_not_fit_names_its_parameter_and_rates_that_do(schedule
     )
     for word in nearest.removesuffix(' Hz').split(' or '):
         schedule.at_rate('clock_rate', float(word), lambda: None)
+
+
+@for_all(
+    'kind, name',
+    [
+        *((LegNodeParameters, name) for name in ('update_rate', 'publish_rate')),
+        *(
+            (DiffDriveParameters, name)
+            for name in ('update_rate', 'publish_rate', 'diagnostic_rate')
+        ),
+        *((SimulatorParameters, name) for name in ('clock_rate', 'state_rate')),
+    ],
+)
+def test_ends_of_a_rate_fit_the_physics_and_so_does_each_rate_that_is_advised(
+    schedule, kind, name
+):
+    ends = known_parameters(kind)[name].field.metadata
+    low, high = ends['minimum'], ends['maximum']
+    for rate in (low, high):
+        schedule.at_rate(name, rate, lambda: None)
+    for rate in np.geomspace(low, high, 50)[1:-1]:
+        try:
+            schedule.at_rate(name, rate, lambda: None)
+        except SimulationError as error:
+            advised = str(error).rpartition('nearest: ')[2].removesuffix(' Hz').split(' or ')
+            for one in map(float, advised):
+                kind.checked(name, one)
+                schedule.at_rate(name, one, lambda: None)
