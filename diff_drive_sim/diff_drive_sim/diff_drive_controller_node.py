@@ -15,7 +15,6 @@ from rclpy.parameter import Parameter
 from robot_description.description import load_robot
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
-from wasd_core.errors import did_you_mean
 from wasd_core.messages import (
     to_base_state,
     to_base_transform,
@@ -26,7 +25,6 @@ from wasd_core.messages import (
     to_seconds,
 )
 from wasd_core.node import run_node
-from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.services import offer
 from wasd_core.streams import visible
@@ -75,21 +73,12 @@ def read_given(node: Node, file: ControllerFile | None = None) -> ControllerFile
             overrides[outward] = Parameter(outward, value=value)
         elif name in unused:
             del overrides[name]
-        elif not _is_known(node, name):
-            del overrides[name]
-            hint = did_you_mean(name, [*known_parameters(DiffDriveParameters), *ALIASES])
-            node.get_logger().warning(visible(f'unknown parameter {name!r}{hint}: ignored'))
     path = overrides['controller'].value if 'controller' in overrides else ''
     if file is None and isinstance(path, str) and path:
         file = read_controller_file(path)
     file = file or ControllerFile({}, DiffDriveParameters(), '', ())
     _say_unused(node, unused | {*file.unused})
     return file
-
-
-def _is_known(node: Node, name: str) -> bool:
-    declared = name in known_parameters(DiffDriveParameters) or node.has_parameter(name)
-    return declared or name in UNUSED or name.startswith('qos_overrides.')
 
 
 def _say_unused(node: Node, names: set[str]) -> None:
@@ -111,6 +100,8 @@ class DiffDriveControllerNode(Node):
     parameters, steps it at each `joint_states` and publishes `joint_commands`; in mode fake it
     steps on a timer, and the wheels' `joint_states` are its own.
     """
+
+    other_names = (*ALIASES, *UNUSED)  # of parameters that it takes
 
     def __init__(
         self,

@@ -4,6 +4,7 @@
 from mujoco_sim.parameters import Payload, Untold
 import pytest
 import rclpy
+from rclpy.parameter import Parameter
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import RunOptions
 from wasd_core.errors import UserError
@@ -69,3 +70,17 @@ def test_what_would_be_without_effect_is_refused_with_the_option_that_the_comman
 ):
     with pytest.raises(UserError, match=f'^simulator: {name} has no effect in a run: {cure}$'):
         run_with(robot, 'wasd', **{name: value})
+
+
+def test_only_a_parameter_that_no_node_of_a_run_has_is_told_as_misspelt(run_with, capfd):
+    run_with(speed=0.1, port='/dev/null', base_width=0.4, turnn=1.0)
+    said = capfd.readouterr().err
+    assert said.count('unknown parameter') == 1
+    assert "unknown parameter 'turnn', did you mean turn?: ignored" in said
+
+
+def test_a_run_is_the_clock_of_its_nodes_whatever_use_sim_time_is_set_to(run_with):
+    simulator = run_with(use_sim_time='true')
+    for value in (False, True, False):
+        simulator.set_parameters([Parameter('use_sim_time', value=value)])
+        assert simulator.get_clock().now().nanoseconds == 0

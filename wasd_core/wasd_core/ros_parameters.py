@@ -4,6 +4,7 @@
 import array
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
+import itertools
 import math
 from types import MethodType
 from typing import Any, cast
@@ -110,9 +111,11 @@ def misspelt_parameters(*nodes: Node) -> list[str]:
     """
     Return what to say of parameters that were given to nodes of one process, which none has.
 
-    Only those that are nearly one of theirs: a file for all nodes has some of others.
+    Only those that are nearly one of theirs: a file for all nodes has some of others. A node may
+    have `other_names` of its parameters.
     """
-    own = {name for node in nodes for name in node._parameters}
+    known = [(*node._parameters, *getattr(node, 'other_names', ())) for node in nodes]
+    own = set(itertools.chain(*known))
     given = {name for node in nodes for name in node._parameter_overrides}
     hints = {name: did_you_mean(name, own) for name in sorted(given - own)}
     return [f'unknown parameter {name!r}{hint}: ignored' for name, hint in hints.items() if hint]

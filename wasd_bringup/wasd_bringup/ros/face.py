@@ -23,6 +23,7 @@ from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from wasd_core.errors import UserError
 from wasd_core.messages import to_transform
 from wasd_core.node import MessagePump
+from wasd_core.ros_parameters import misspelt_parameters
 from wasd_core.rotations import Pose
 from wasd_core.signals import letting_go
 from wasd_core.streams import visible
@@ -189,12 +190,16 @@ class RosFaces(Face):
             face.controller.on_e_stop(functools.partial(run.e_stop, 'service e_stop'))
             face.watch_keyboards(functools.partial(run.lose, 'topic', face.robot, NO_KEYS))
         self._let_drive()
+        for text in misspelt_parameters(*self.nodes):
+            self.nodes[0].get_logger().warning(visible(text))
         time_source = TimeSource()
         time_source.ros_time_is_active = True
         idle = [node for face in self.faces for node in face.idle_nodes]
         for node in self.nodes:
             clock = cast(ROSClock, node.get_clock())
             self._pump.add_node(node)
+            # A parameter `use_sim_time` that changes leaves the clock alone.
+            node._time_source._associated_clocks.clear()
             time_source.attach_clock(clock)
             (self._idle_clocks if node in idle else self._clocks).append(clock)
         if self._bag is not None:
