@@ -282,7 +282,8 @@ def check_kinematics(description: Description) -> tuple[Deviation, ...]:
 
 def _any_position(joint: Joint, random: np.random.Generator) -> float:
     reach = SLIDE if joint.kind == 'prismatic' else FULL_TURN
-    return float(random.uniform(max(joint.lower, -reach), min(joint.upper, reach)))
+    near = joint.rest + random.uniform(-reach, reach)
+    return float(np.clip(near, joint.lower, joint.upper))
 
 
 def _in_mujoco(urdf: str) -> LinkPlaces:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from cases import for_all
 from descriptions import robot_named
 import numpy as np
 import pinocchio as pin
@@ -103,6 +104,18 @@ def test_for_control_a_robot_is_free_and_each_joint_one_number():
     turning = len(wheeled.robot.movable_joints)  # none has limits
     assert to_pinocchio(wheeled).nq == 7 + 2 * turning
     assert to_pinocchio(wheeled, for_control=True).nq == 7 + turning
+
+
+@for_all('kind, lower, upper', [('revolute', 4, 5), ('prismatic', -2, -0.6)])
+def test_a_range_far_from_zero_is_tried_too(kind, lower, upper):
+    pytest.importorskip('yourdfpy')
+    urdf = (
+        f'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="{kind}">'
+        '<parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+        f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/></joint></robot>'
+    )
+    deviations = check_kinematics(parse_description(urdf, Path('r.urdf')))
+    assert max(deviation.distance for deviation in deviations) < 1e-12
 
 
 def test_a_mass_without_an_inertia_is_a_mass_in_pinocchio_too():

@@ -80,6 +80,12 @@ def test_sound_robots_of_others_have_no_finding(robot):
     assert lint(XacroSession(EXAMPLES / robot)) == []
 
 
+@pytest.mark.slow
+def test_a_thigh_whose_knee_has_its_motor_there_is_no_wheel():
+    found = lint(XacroSession(EXAMPLES / 'anymal_c_simple_description/urdf/anymal.urdf'))
+    assert 'unbalanced-wheel' not in {one.rule.code for one in found}
+
+
 def test_every_finding_is_one_line_with_a_place_and_a_cure():
     for one in lint(XacroSession(FIXTURES / 'lint/masses.urdf')):
         assert re.fullmatch(r'\S+masses\.urdf:\d+: (error|warning): .+; cure: .+', one.line())

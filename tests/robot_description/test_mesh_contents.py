@@ -3,6 +3,8 @@
 
 from collections.abc import Callable
 import gzip
+import json
+import os
 from pathlib import Path
 import re
 
@@ -228,17 +230,55 @@ def test_a_mesh_that_would_take_gigabytes_is_left_out_with_a_line(suffix, robot,
 
 
 def test_a_gltf_file_counts_with_what_lies_beside_it(tmp_path):
-    path = tmp_path / 'box.gltf'
-    path.write_text('{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 99000000}]}')
-    with pytest.raises(ValueError, match='99 MB, at most 52 are read'):
+    path = gltf(tmp_path, 'data.bin')
+    data = (tmp_path / 'data.bin').read_bytes()
+    assert load_mesh(path).faces.shape == (1, 3)
+    with open(tmp_path / 'data.bin', 'wb') as file:
+        file.write(data)
+        file.truncate(99_000_000)
+    with pytest.raises(ValueError, match=r'data.bin: 99.0 MB is too much'):
+        load._read_mesh(path)
+
+
+def test_a_gltf_file_reads_no_pipe_and_nothing_from_elsewhere(tmp_path):
+    (tmp_path / 'in').mkdir()
+    path = gltf(tmp_path / 'in', '../data.bin')
+    with pytest.raises(ValueError, match="'../data.bin' is not in .*: put it there"):
+        load_mesh(path)
+    path = gltf(tmp_path / 'in', 'pipe')
+    (tmp_path / 'in/pipe').unlink()
+    os.mkfifo(tmp_path / 'in/pipe')
+    with pytest.raises(ValueError, match='is a device or pipe'):
         load_mesh(path)
 
 
-def test_an_ascii_stl_in_capitals_is_read(tmp_path):
+def gltf(folder, uri):
+    """Return a glTF file of one triangle whose points are in another file."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    (folder / uri).write_bytes(points.tobytes())
+    (path := folder / 'part.gltf').write_text(
+        json.dumps(
+            {
+                'asset': {'version': '2.0'},
+                'scenes': [{'nodes': [0]}],
+                'nodes': [{'mesh': 0}],
+                'meshes': [{'primitives': [{'attributes': {'POSITION': 0}}]}],
+                'accessors': [
+                    {'bufferView': 0, 'componentType': 5126, 'count': 3, 'type': 'VEC3'}
+                ],
+                'bufferViews': [{'buffer': 0, 'byteLength': points.nbytes}],
+                'buffers': [{'uri': uri, 'byteLength': points.nbytes}],
+            }
+        )
+    )
+    return path
+
+
+def test_an_ascii_stl_in_capitals_and_with_a_byte_order_mark_is_read(tmp_path):
     corners = ''.join(f'VERTEX {x} 0\n' for x in ('0 0', '1 0', '0 1'))
     facet = f'FACET NORMAL 0 0 1\nOUTER LOOP\n{corners}ENDLOOP\nENDFACET\n'
     path = tmp_path / 'part.stl'
-    path.write_text(f'SOLID part\n{facet}ENDSOLID part\n')
+    path.write_text(f'SOLID part\n{facet}ENDSOLID part\n', encoding='utf-8-sig')
     assert load_mesh(path).faces.shape == (1, 3)
     path.write_text(f'SOLID part\n{facet}')
     with pytest.raises(ValueError, match='there is no endsolid'):

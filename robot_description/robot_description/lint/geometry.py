@@ -107,8 +107,16 @@ def check_size(model: Model, robot: Robot) -> Iterator[Finding]:
 def check_balance(model: Model, robot: Robot) -> Iterator[Finding]:
     """The centre of mass of a wheel is on its axle."""
     for roller in find_rollers(robot):
-        is_known = roller.is_measured and not is_on_leg(roller, robot)
-        if is_known and is_unbalanced(robot, roller.joint, roller.radius):
+        # What carries a motor, a thigh a knee's, say, is no wheel.
+        is_limb = is_on_leg(roller, robot) or any(
+            robot.carriers[joint.parent] == roller.joint.child and joint.effort > 0.0
+            for joint in robot.movable_joints
+        )
+        if (
+            roller.is_measured
+            and not is_limb
+            and is_unbalanced(robot, roller.joint, roller.radius)
+        ):
             link = model.links[roller.joint.child]
             off = imbalance(robot, roller.joint)
             text = f'the centre of mass of {link.name!r} is {off:.3g} m off its axle'

@@ -118,6 +118,9 @@ def check_numbers(model: Model) -> Iterator[Finding]:
     """Numbers are numbers, as many as wanted, and sizes are positive."""
     for element in _urdf_elements(model.robot):
         tag = element.tag
+        for part in ('mass', 'inertia') if tag == 'inertial' else ():
+            if element.find(part) is None:
+                yield finding('bad-number', element.place, f'<inertial> has no <{part}>')
         for attribute, wanted in ATTRIBUTES[tag].items():
             text = element.attributes.get(attribute)
             if text is None:

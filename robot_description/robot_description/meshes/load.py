@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mesh files as triangles: read once, kept in the user's cache."""
 
+import codecs
 from collections.abc import Iterator
 import contextlib
 import functools
@@ -20,6 +21,7 @@ import numpy as np
 from wasd_core.cache import cache_folder
 from wasd_core.errors import one_line
 from wasd_core.output_file import OutputError, OutputFile
+from wasd_core.safe_files import read_file
 
 from robot_description.meshes.files import EXTENSIONS
 from robot_description.robot import Robot, Shape
@@ -166,8 +168,6 @@ def _vertices(path: Path, _mtime_ns: int, _size: int) -> np.ndarray:
 def _check_beginning(path: Path) -> None:
     """Refuse what no reader need be asked about."""
     size = path.stat().st_size
-    if size <= LARGEST_FILE and path.suffix.lower() == '.gltf':
-        size += _beside_gltf(path)
     if size > LARGEST_FILE:
         most = f'{LARGEST_FILE / 1e6:.0f}'
         raise ValueError(f'{path}: {size / 1e6:.0f} MB, at most {most} are read: reduce it')
@@ -183,13 +183,21 @@ def _check_beginning(path: Path) -> None:
             raise ValueError(f'{path}: is a {suffix} file by its content: rename it')
 
 
-def _beside_gltf(path: Path) -> int:
-    """Return how many bytes a glTF file says are in others beside it; 0 of one that is broken."""
-    try:
-        buffers = json.loads(path.read_bytes())['buffers']
-        return sum(int(buffer['byteLength']) for buffer in buffers)
-    except (KeyError, TypeError, ValueError):
-        return 0
+class _Beside:
+    """The files that a mesh names, from its own folder, with it no more than LARGEST_FILE."""
+
+    def __init__(self, path: Path) -> None:
+        self._folder = path.parent.resolve()
+        self._left = LARGEST_FILE - path.stat().st_size
+
+    def __getitem__(self, name: str) -> bytes:
+        for candidate in (name.strip().lstrip('/'), Path(name).name):
+            file = (self._folder / candidate).resolve()
+            if file.is_relative_to(self._folder) and file.exists():
+                data = read_file(file, self._left)
+                self._left -= len(data)
+                return data
+        raise ValueError(f'{name!r} is not in {self._folder}: put it there')
 
 
 @np.errstate(all='ignore')  # readers compute with any numbers, which are looked at below
@@ -206,8 +214,9 @@ def _read_mesh(path: Path) -> Mesh:
 
             source = _whole_stl(path) if suffix == '.stl' else path
             # Textures would be read, and laid side by side in one picture.
-            bare: dict[str, Any] = {'skip_materials': True} if suffix in TEXTURED else {}
-            merged = trimesh.load_scene(source, file_type=suffix, **bare).to_mesh()
+            options: dict[str, Any] = {'skip_materials': True} if suffix in TEXTURED else {}
+            options |= {'file_type': suffix, 'resolver': _Beside(path)}
+            merged = trimesh.load_scene(source, **options).to_mesh()
             vertices, faces = np.asarray(merged.vertices), np.asarray(merged.faces)
             if suffix in GLTF and 'trimesh' not in _gltf_generator(path):
                 vertices = vertices @ Y_TO_Z_UP.T
@@ -233,7 +242,7 @@ def _thin(mesh: Mesh, most_faces: int) -> Mesh:
 
 def _whole_stl(path: Path) -> io.BytesIO:
     """Return an STL without the bytes behind its end; refuse one that is too short."""
-    data = path.read_bytes()
+    data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
     if data.lstrip()[:5].lower() == b'solid' and b'facet' in data[:STL_WORDS].lower():
         if b'endsolid' not in data.lower():
             raise ValueError('it is cut off: there is no endsolid')
