@@ -4,7 +4,6 @@
 from typing import Any, NamedTuple
 
 from wasd_core.parameter_file import (
-    build_checked,
     checked,
     children,
     entries_of,
@@ -87,7 +86,7 @@ def _read(root: yaml.MappingNode) -> ControllerFile:
         values[outward] = checked(DiffDriveParameters, outward, value, key, entry.line, ALIASES)
     if is_arbotix:
         values = {**ARBOTIX_DEFAULTS, **values}
-    parameters = build_checked(DiffDriveParameters, values)
+    parameters = DiffDriveParameters.from_mapping(values)
     return ControllerFile(values, parameters, name, tuple(unused))
 
 

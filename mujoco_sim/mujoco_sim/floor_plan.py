@@ -115,14 +115,9 @@ def merge(walls: np.ndarray, may_be: np.ndarray, most: int) -> np.ndarray | None
 
 def _grown(cells: np.ndarray) -> tuple[int, int]:
     """Return how many columns and rows a rectangle has that grows to the right first."""
-    columns = _run(cells[0])
+    gap = int(cells[0].argmin())
+    columns = len(cells[0]) if cells[0, gap] else gap
     rows = 1
     while rows < len(cells) and cells[rows, :columns].all():
         rows += 1
     return columns, rows
-
-
-def _run(cells: np.ndarray) -> int:
-    """Return how many cells there are before the first that is no wall."""
-    gap = int(cells.argmin())
-    return gap if not cells[gap] else len(cells)

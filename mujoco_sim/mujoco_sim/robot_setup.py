@@ -103,9 +103,11 @@ def usual_setup(
     quadruped = description.quadruped
     scale = scale_of(quadruped)
     inertia = REFLECTED_INERTIA * scale.of('kg m^2')
+    lying = quadruped.sign * (similar_pose(quadruped, *FOLDED) - quadruped.zero)
     hips = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)
     return RobotSetup(
-        joint_positions=lying_positions(quadruped) | dict(quadruped.held),
+        joint_positions=dict(zip(quadruped.joint_names, lying.tolist(), strict=True))
+        | dict(quadruped.held),
         height=LYING_HEIGHT * scale.of('m') - hips,
         sink=LYING_SINK * scale.of('m'),
         speed_limits={joint.name: joint.velocity for joint in quadruped.joints},
@@ -139,13 +141,6 @@ def upright_setup(
         imu=True,
         untold=untold,
     )
-
-
-def lying_positions(quadruped: Quadruped) -> dict[str, float]:
-    """Return the joint positions [rad] of a quadruped that lies with its legs folded."""
-    angles = similar_pose(quadruped, *FOLDED)
-    positions = quadruped.sign * (angles - quadruped.zero)
-    return dict(zip(quadruped.joint_names, positions.tolist(), strict=True))
 
 
 def foot_links(description: Description) -> tuple[str, ...]:

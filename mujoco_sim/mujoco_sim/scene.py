@@ -375,16 +375,16 @@ def add_slope(spec: mujoco.MjSpec, degrees: float, _: np.random.Generator) -> No
         _end_floor(spec, AHEAD)
 
 
-def add_stairs(spec: mujoco.MjSpec, rise: float, tread: float, _: np.random.Generator) -> None:
-    """Climb STEPS steps of a rise and a tread [m] to a landing; then as many down."""
-    _add_stairs(spec, AHEAD, (rise, tread, LANDING), STEPS)
-
-
-def _add_stairs(
-    spec: mujoco.MjSpec, start: float, sizes: tuple[float, float, float], steps: int
+def add_stairs(
+    spec: mujoco.MjSpec,
+    rise: float,
+    tread: float,
+    _: np.random.Generator,
+    start: float = AHEAD,
+    landing: float = LANDING,
+    steps: int = STEPS,
 ) -> None:
-    """Add stairs up and down from x = start on: of a rise, a tread and a landing [m]."""
-    rise, tread, landing = sizes
+    """Climb steps of a rise and a tread to a landing, from x = start on [m]; then as many down."""
     for step in range(steps):
         height = rise * (step + 1)
         half = landing / 2.0 + tread * (steps - 1 - step)
@@ -399,15 +399,14 @@ def add_step(spec: mujoco.MjSpec, height: float, random: np.random.Generator) ->
     _add_box(spec, (start + half, 0.0, height / 2.0), (half, HALF_WIDTH, height / 2.0))
 
 
-def add_boxes(spec: mujoco.MjSpec, height: float, random: np.random.Generator) -> None:
-    """Cover the ground with boxes of CELL, each of a random height up to `height` [m]."""
-    _add_boxes(spec, AHEAD, LENGTH, height, random)
-
-
-def _add_boxes(
-    spec: mujoco.MjSpec, start: float, length: float, height: float, random: np.random.Generator
+def add_boxes(
+    spec: mujoco.MjSpec,
+    height: float,
+    random: np.random.Generator,
+    start: float = AHEAD,
+    length: float = LENGTH,
 ) -> None:
-    """Cover so much ground [m] with boxes, from x = start on."""
+    """Cover ground from x = start on with boxes of CELL, of random heights up to `height` [m]."""
     for row in range(round(length / CELL)):
         for column in range(round(-2.0 / CELL), round(2.0 / CELL)):
             top = float(random.uniform(0.0, height))
@@ -493,13 +492,13 @@ def add_course(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None
     for name in names:
         size, way = sizes[name], ways[name]
         if name == 'boxes':
-            _add_boxes(spec, x, way, size, random)
+            add_boxes(spec, size, random, x, way)
         elif name == 'slope':
             _add_ramps(spec, x, math.radians(size))
         elif name == 'stairs':
-            _add_stairs(spec, x, (size, TREAD, COURSE_TOP), COURSE_STEPS)
+            add_stairs(spec, size, TREAD, random, x, COURSE_TOP, COURSE_STEPS)
         elif name == 'step':
-            _add_stairs(spec, x, (size, TREAD, COURSE_TOP), 1)
+            add_stairs(spec, size, TREAD, random, x, COURSE_TOP, 1)
         else:
             if floor == AHEAD:
                 _end_floor(spec, AHEAD)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML of a bounded size, and parameters in it: a plain table, or one node's of a ROS 2 file."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 import contextlib
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,13 +9,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from wasd_core.errors import DescriptionError, did_you_mean, one_line
-from wasd_core.parameters import (
-    InvalidParameter,
-    known_parameters,
-    Parameters,
-    ParametersType,
-    shown,
-)
+from wasd_core.parameters import InvalidParameter, known_parameters, Parameters, shown
 from wasd_core.safe_files import read_beginning, read_file
 
 # ROS's own; it may stand in every file.
@@ -52,7 +46,7 @@ def read_parameters(path: str, definition: type[Parameters], kind: NodeKind) -> 
             for key, entry in entries.items()
             if key != USE_SIM_TIME
         }
-        build_checked(definition, values)
+        definition.from_mapping(values)
         return values
 
     values: dict[str, Any] = read_mapping(path, read)
@@ -61,7 +55,7 @@ def read_parameters(path: str, definition: type[Parameters], kind: NodeKind) -> 
 
 def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:
     """
-    Return what `read` makes of a file's root; its errors begin with `:line:` and get the path.
+    Return what `read` makes of a file's root; its errors, of `:line:` or of all, get the path.
 
     Raises:
         InvalidParameter: it cannot be read, is no YAML, no mapping, or what `read` says.
@@ -82,7 +76,8 @@ def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:
     try:
         return read(root)
     except InvalidParameter as error:
-        raise InvalidParameter(f'{path}{error}') from None
+        text = str(error)
+        raise InvalidParameter(path + ('' if text.startswith(':') else ': ') + text) from None
 
 
 def entries_of(root: yaml.MappingNode, kind: NodeKind) -> tuple[str, dict[str, Entry]]:
@@ -131,19 +126,6 @@ def checked(
     except InvalidParameter as error:
         # By the name that the user wrote.
         raise InvalidParameter(f':{line}: {str(error).replace(outward, key, 1)}') from None
-
-
-def build_checked(definition: type[ParametersType], values: Mapping[str, Any]) -> ParametersType:
-    """
-    Return the parameters with these values in place of defaults.
-
-    Raises:
-        InvalidParameter: the values do not go together.
-    """
-    try:
-        return definition.from_mapping(values)
-    except InvalidParameter as error:
-        raise InvalidParameter(f': {error}') from None
 
 
 def _parameter_nodes(

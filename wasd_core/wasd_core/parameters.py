@@ -218,7 +218,8 @@ def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) ->
         value = float(value)
     if type(value) is not kind:
         raise InvalidParameter(f'{name} must be {WORDS[kind]}, got {shown(value)}')
-    if isinstance(value, str) and not is_utf8(value):  # ROS has no other text
+    # ROS has no other text; the names of some files are none.
+    if isinstance(value, str) and value.encode(errors='replace').decode() != value:
         raise InvalidParameter(f'{name} must be text in UTF-8, got {shown(value)}')
     if meta.get('choices') and value not in meta['choices']:
         wanted = ', '.join(meta['choices'])
@@ -237,15 +238,6 @@ def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
         return True
     given = ((fits, meta.get(key)) for key, (_, fits) in BOUNDS.items())
     return all(bound is None or fits(value, bound) for fits, bound in given)
-
-
-def is_utf8(text: str) -> bool:
-    """Whether a text can be encoded in UTF-8; the names of some files cannot."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def shown(value: Any) -> str:

@@ -93,7 +93,8 @@ def declare_parameters(
             # ROS would say less of a range, and breaks on text that is no UTF-8.
             definition.checked(name, given.value)
         try:
-            declared = node.declare_parameter(name, _to_ros(default), to_descriptor(field))
+            value = list(default) if isinstance(default, tuple) else default
+            declared = node.declare_parameter(name, value, to_descriptor(field))
         except rclpy.exceptions.ParameterException as error:
             raise InvalidParameter(f'{name}: {error}') from None
         values[name] = _from_ros(declared.value)
@@ -158,10 +159,6 @@ def _refuse_unknown(node: Node, definition: type[Parameters], known: Mapping[str
     for name in node._parameter_overrides:
         if '.' in name and name.partition('.')[0] in groups and name not in known:
             definition.from_mapping({name: None})
-
-
-def _to_ros(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
 
 
 def _from_ros(value: Any) -> Any:

@@ -266,22 +266,15 @@ class LoopbackSubscription(Generic[Message]):
         )
         if any(times[0] < oldest for times in self._pending.values()):
             # Timers come before messages, and a busy process may handle one between two looks.
-            for message, info in take_all(self._subscription, self._type):
-                self._on_message(message, info)
+            take = self._subscription.handle.take_message
+            while (taken := take(self._type, False)) is not None:
+                self._on_message(*taken)
         for sent, times in list(self._pending.items()):
             while times and times[0] < oldest:
                 times.popleft()
             if not times:
                 del self._pending[sent]
         self._looked_at = time.monotonic()
-
-
-def take_all(subscription: Any, message_type: type[Message]) -> list[tuple[Message, Any]]:
-    """Return the messages that have arrived, and of each when it was sent and so on."""
-    found = []
-    while (taken := subscription.handle.take_message(message_type, False)) is not None:
-        found.append(taken)
-    return found
 
 
 # How often peers of the other type are looked for [s, wall time].

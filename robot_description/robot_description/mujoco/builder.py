@@ -50,7 +50,13 @@ def to_mujoco(robot: Robot, visuals: bool = False) -> mujoco.MjSpec:
         DescriptionError: what MuJoCo cannot have of it, in one line.
     """
     with _one_line():
-        spec = _new_spec(robot)
+        spec = mujoco.MjSpec()
+        if robot.name:
+            spec.modelname = robot.name
+        spec.compiler.degree = False  # URDF's angles are in radians
+        # What is welded on is one body with what carries it, which is faster. Not on the world,
+        # into which the base would be welded, too, and lose its mass.
+        spec.compiler.fusestatic = not robot.is_fixed
         bodies = _add_bodies(spec, robot)
         add_masses(bodies, robot)
         meshes = Meshes(spec, robot.mesh_files)
@@ -78,17 +84,6 @@ def add_sky(spec: mujoco.MjSpec, rgb1: list[float], rgb2: list[float], width: in
         width=width,
         height=6 * width,
     )
-
-
-def _new_spec(robot: Robot) -> mujoco.MjSpec:
-    spec = mujoco.MjSpec()
-    if robot.name:
-        spec.modelname = robot.name
-    spec.compiler.degree = False  # URDF's angles are in radians
-    # What is welded on is one body with what carries it, which is faster. Not on the world, into
-    # which the base would be welded, too, and lose its mass.
-    spec.compiler.fusestatic = not robot.is_fixed
-    return spec
 
 
 def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
