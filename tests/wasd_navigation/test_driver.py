@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
-from wasd_navigation.planning import heading_field
+from wasd_navigation.planning import heading_field, route
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.heading_field import HeadingField, set_price, spread
 from wasd_navigation.planning.motion import base_of, move
@@ -404,9 +404,21 @@ def test_the_words_of_a_refusal_say_how_wide_the_widest_way_is() -> None:
     robot = wheels(room((2.9, 0.0, 3.05, 2.4), (2.9, 2.8, 3.05, 4.0)))
     robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
     assert robot.run(0.2) == 'refused'
-    widest = float(robot.driver.reason.partition('the widest is about ')[2].partition(' ')[0])
+    widest = float(
+        robot.driver.reason.partition('in the map the widest is about ')[2].partition(' ')[0]
+    )
     assert widest == pytest.approx(0.4, abs=0.06)
     assert robot.driver.reason.endswith('0.42 are needed')
+
+
+def test_a_way_that_is_too_narrow_is_not_said_to_be_as_wide_as_is_needed(monkeypatch) -> None:
+    robot, needed = wheels(room((2.9, 0.0, 3.05, 2.4), (2.9, 2.8, 3.05, 4.0))), 0.2273
+    monkeypatch.setattr(route, 'IN_GAP', (needed - ROUND.inscribed) / PlanningParameters().margin)
+    is_wide = lambda cell, values, least: np.full(values.shape, least < needed - 1e-4)  # noqa: E731
+    monkeypatch.setattr(route, 'flood', is_wide)
+    robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    robot.run(0.2)
+    assert robot.driver.reason.endswith('about 0.44 m wide, 0.46 are needed')
 
 
 def test_a_door_that_stays_closed_makes_it_give_up_with_the_reason() -> None:
@@ -415,7 +427,9 @@ def test_a_door_that_stays_closed_makes_it_give_up_with_the_reason() -> None:
     robot.run(1.0)
     robot.look = box_seen(2.975, 2.8, 0.35)
     assert robot.run(60.0) == 'failed'
-    assert robot.driver.reason.startswith('no way leads to (5.00, 1.00): the widest is about')
+    assert robot.driver.reason.startswith(
+        'no way leads to (5.00, 1.00): in the map the widest is about'
+    )
     assert robot.driver.recoveries == PlanningParameters().recoveries
     assert robot.gap(ROUND) > 0.025
 

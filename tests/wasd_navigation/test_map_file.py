@@ -78,6 +78,12 @@ def test_maps_of_others_are_loaded(tmp_path: Path) -> None:
 GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
 
 
+def test_a_yaw_that_moves_no_cell_is_taken(tmp_path: Path) -> None:
+    Image.fromarray(np.zeros((3, 3), dtype=np.uint8)).save(tmp_path / 'm.pgm')
+    (tmp_path / 'map.yaml').write_text(GOOD.replace('0, 0]', '0, 1.0e-9]'))
+    assert load_map(tmp_path / 'map.yaml').origin == (0.0, 0.0)
+
+
 @for_all(
     'text, said',
     [
@@ -102,8 +108,8 @@ GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
         (GOOD + 100_000 * ' ', 'is too much'),
         (GOOD.replace('0.05', '.nan'), 'resolution: wanted a number, got nan'),
         (GOOD.replace('image: m.pgm', 'x: y'), 'image: wanted the name of a picture'),
-        (GOOD.replace('[0, 0, 0]', '[0, 0]'), 'origin: wanted [x, y, yaw]'),
-        (GOOD.replace('[0, 0, 0]', '[0, 0, 1]'), 'a map that is turned cannot be used'),
+        (GOOD.replace('[0, 0, 0]', '[0, 0]'), 'origin: wanted [x, y, yaw], got list of 2'),
+        (GOOD.replace('[0, 0, 0]', '[0, 0, 2.0e-5]'), 'a map that is turned cannot be used'),
         (GOOD + 'mode: odd\n', "mode: wanted trinary or scale, got 'odd'"),
         (GOOD.replace('m.pgm', 'none.pgm'), 'map.yaml: image: '),
         (GOOD.replace('m.pgm', 'none.pgm'), 'none.pgm: no such file'),

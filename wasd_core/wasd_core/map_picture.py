@@ -231,7 +231,7 @@ def _origin(path: Path, said: dict[Any, Any]) -> tuple[float, float]:
     x, y, yaw = (_number(path, {'origin': value}, 'origin') for value in origin)
     if max(abs(x), abs(y)) > FARTHEST:
         raise MapFileError(f'{path}: origin: wanted at most {FARTHEST:g} m, got {x:g}, {y:g}')
-    if yaw != 0.0:
+    if abs(yaw) * LONGEST_SIDE >= FINEST:  # less moves no cell
         raise MapFileError(f'{path}: origin: a map that is turned cannot be used, yaw {yaw:g}')
     return x, y
 
@@ -246,4 +246,5 @@ def _number(path: Path, said: dict[Any, Any], name: str, default: float | None =
 def _shown(value: Any) -> str:
     """Return a value in a few words: what refers to itself would fill the memory."""
     words = repr(value) if isinstance(value, str | int | float | None) else type(value).__name__
+    words += f' of {len(value)}' if isinstance(value, list) else ''
     return words if len(words) <= LONGEST_WORDS else f'{words[:LONGEST_WORDS]}...'

@@ -303,8 +303,10 @@ class Route:
             low, high = (middle, high) if is_wide else (low, middle)
         if low >= needed:
             return f'{begins}: the robot, which is long, cannot turn where it would have to'
+        # Rounded away from each other: what is too narrow looks so.
+        wide, wanted = math.floor(200.0 * low) / 100.0, math.ceil(200.0 * needed - 1e-6) / 100.0
         return (
-            f'{begins}: the widest is about {2.0 * low:.2f} m wide, {2.0 * needed:.2f} are needed'
+            f'{begins}: in the map the widest is about {wide:.2f} m wide, {wanted:.2f} are needed'
         )
 
     def is_shut_off(self, around: Surroundings, pose: np.ndarray) -> bool:
