@@ -249,9 +249,24 @@ def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of):
         assert navigates.navigator.goal is None
         act(session, end)
         session.simulation.advance(500)
-        assert len(navigates.report()['goals']) == done + 1, end
+        assert len(navigates.report()['goals']) == done + 2, end
         assert wanted(session) == 0.0, end
         navigates._goals = (GOAL, GOAL)
+
+
+@pytest.mark.slow
+def test_goals_that_were_to_follow_are_in_the_report_however_the_first_one_ends(session_of):
+    after = [(4.0, 0.0, 0.0), (5.0, 1.0, 0.5)]
+    for end, outcome in (
+        (lambda run: run.press('k'), ('cancelled', 'a key takes over')),
+        (lambda run: run.close(), ('failed', 'it never began: there was no time for it')),
+    ):
+        session = session_of(goals=(GOAL, *after))
+        session.simulation.advance(400)
+        end(session)
+        goals = navigation(session).report()['goals']
+        assert [goal['goal'] for goal in goals] == [list(goal) for goal in (GOAL, *after)]
+        assert [(goal['state'], goal['reason']) for goal in goals[1:]] == [outcome] * 2
 
 
 @pytest.mark.slow
@@ -272,7 +287,7 @@ def test_a_robot_whose_lidar_falls_silent_stands_also_for_the_next_goal(driving)
     navigation(driving).go(GOAL)
     driving.simulation.advance(500)
     assert wanted(driving) == 0.0
-    assert navigation(driving).view().reason == 'the lidar is silent'
+    assert navigation(driving).view().reason == 'the lidar is silent or blind'
 
 
 @pytest.mark.slow

@@ -21,11 +21,12 @@ def test_it_waits_for_a_lidar_that_sees_nothing_yet() -> None:
     unit, angles = RobotNavigator(), np.linspace(-math.pi, math.pi, 360)
     unit.navigator.move(odometry())
     unit.explore()
+    ranges = np.full(360, 2.0)
+    ranges[150:210] = math.inf
     for tick in range(80):
-        ranges = np.full(360, 0.0 if tick < 40 else 2.0)
-        ranges[150:210] = 0.0 if tick < 40 else math.inf
         unit.navigator.move(odometry(x=1e-6 * tick))
-        unit.navigator.see(read_scan(ranges, angles, (0.1, 6.0)), odometry())
+        if tick >= 40:
+            unit.navigator.see(read_scan(ranges, angles, (0.1, 6.0)), odometry())
         unit.step(0.05 * tick)
         if tick < 40:
             assert unit.is_exploring

@@ -2,6 +2,7 @@
 """Goals one after another: by Nav2's action, on a patrol; some are missed, all can be ended."""
 
 import math
+import time
 
 from action_msgs.msg import GoalStatus
 import nav2_client
@@ -20,11 +21,11 @@ ARRIVED, FAILED = Outcome('arrived'), Outcome('failed', 'something is in the way
 
 def test_goals_come_in_turn_and_one_that_fails_is_skipped():
     waypoints = Waypoints(GOALS)
-    goals = [waypoints.goal[0]]
+    goals = [waypoints.begin()[0]]
     assert waypoints.end(ARRIVED) is None
-    goals.append(waypoints.goal[0])
+    goals.append(waypoints.begin()[0])
     assert waypoints.end(FAILED) is None
-    goals.append(waypoints.goal[0])
+    goals.append(waypoints.begin()[0])
     assert waypoints.end(ARRIVED) == ARRIVED
     assert (goals, waypoints.missed) == ([1.0, 2.0, 3.0], [1])
 
@@ -218,7 +219,7 @@ def test_another_goal_takes_the_place_of_the_waypoints(client, by):
     first = client.send(1.0, 2.0)
     client.navigator.step()
     if by == 'a pose':
-        client.navigator._on_goal(client.pose(5.0))
+        client.navigator._on_goal(client.pose(5.0), {'source_timestamp': time.time_ns()})
     else:
         client.send(5.0)
     status, result = client.result(first)

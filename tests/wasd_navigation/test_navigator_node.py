@@ -2,6 +2,7 @@
 """The navigator over topics: what it publishes, what it drives to, to whom it gives way."""
 
 import math
+import time
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -64,17 +65,32 @@ def test_a_scan_waits_for_its_odometry_and_for_the_place_of_the_lidar(make):
     assert pose == pytest.approx([0.7, 0.0, 0.0])
 
 
+def send(rig, goal, age=0):
+    """Give it a goal_pose that was sent so long ago [s]."""
+    rig.node._on_goal(goal, {'source_timestamp': time.time_ns() - age * 10**9})
+
+
+def test_a_goal_that_waited_while_the_process_was_stopped_is_ignored_and_said(rig):
+    rig.node._absence.beat()
+    rig.node._absence._absence._lived_at -= 4.0  # as if the process had been stopped
+    send(rig, goal_at(1.0, 2.0, 0.0), age=1)
+    assert rig.navigator.goal is None
+    assert rig.said == ['goal_pose: it waited while this process stood still: ignored']
+    send(rig, goal_at(1.0, 2.0, 0.0))
+    assert rig.navigator.goal is not None
+
+
 @pytest.mark.parametrize(
     ('frame', 'expected'),
     [('map', [1.0, 2.0]), ('', [1.0, 2.0]), ('odom', [1.0, 3.0]), ('base', [1.0, 3.0])],
 )
 def test_a_goal_may_be_given_in_any_frame_that_is_known(rig, frame, expected):
-    rig.node._on_goal(goal_at(1.0, 2.0, 0.0, frame))
+    send(rig, goal_at(1.0, 2.0, 0.0, frame))
     assert rig.navigator.goal[:2] == pytest.approx(expected)
 
 
 def test_a_goal_in_another_frame_is_ignored_and_said(rig):
-    rig.node._on_goal(goal_at(1.0, 2.0, 0.0, 'moon'))
+    send(rig, goal_at(1.0, 2.0, 0.0, 'moon'))
     assert rig.navigator.goal is None
     assert rig.said == ["goal_pose: wanted a pose in 'map', got 'moon': ignored"]
 
@@ -82,7 +98,7 @@ def test_a_goal_in_another_frame_is_ignored_and_said(rig):
 @pytest.mark.parametrize('frame', ['odom', 'base'])
 def test_a_goal_in_its_own_frames_is_ignored_while_it_searches_for_its_place(rig, frame):
     rig.navigator.locator.is_found = False
-    rig.node._on_goal(goal_at(1.0, 2.0, 0.0, frame))
+    send(rig, goal_at(1.0, 2.0, 0.0, frame))
     assert rig.navigator.goal is None
     assert rig.said == [f"goal_pose: wanted a pose in 'map', got {frame!r}: ignored"]
 
@@ -90,7 +106,7 @@ def test_a_goal_in_its_own_frames_is_ignored_while_it_searches_for_its_place(rig
 def test_a_goal_that_is_no_pose_is_ignored_and_said(rig):
     for broken in (PoseStamped(), goal_at(math.nan, 0.0, 0.0)):
         broken.pose.orientation.w = 0.0
-        rig.node._on_goal(broken)
+        send(rig, broken)
     assert rig.navigator.goal is None
     assert len(rig.said) == 2
 

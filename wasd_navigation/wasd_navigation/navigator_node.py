@@ -77,6 +77,9 @@ class NavigatorNode(Node):
         self._publisher = NavigationPublisher(self, self.navigator, settings.map_frame)
         self.navigation.on_reset.append(self._publisher.forget)
         self.navigation.on_scan.append(self._publisher.publish_pose)
+        # A run in lock-step may be late: its goals go on.
+        on_return = (self._on_return,) if navigation is None else ()
+        self._absence = AbsenceWatch(self, *on_return)
         self._listen()
         offer(self, '~/save_map', self._on_save_map)
         offer(self, '~/reset', self._on_reset)
@@ -99,7 +102,8 @@ class NavigatorNode(Node):
 
     def _listen(self) -> None:
         """Take what people say."""
-        self.create_subscription(PoseStamped, 'goal_pose', self._on_goal, RELIABLE)
+        on_goal: Any = self._on_goal  # rclpy's types know no callback of two parameters
+        self.create_subscription(PoseStamped, 'goal_pose', on_goal, RELIABLE)
         self.create_subscription(
             PoseWithCovarianceStamped, 'initialpose', self._on_initial_pose, RELIABLE
         )
@@ -112,7 +116,6 @@ class NavigatorNode(Node):
         self.navigation.send, self.navigation.say = self._publish_velocity, self._log
         kind = TwistStamped if self.settings.stamped else Twist
         self._velocity = self.create_publisher(kind, 'cmd_vel', RELIABLE)
-        self._absence = AbsenceWatch(self, self._on_return)
         self.create_subscription(OdometryMessage, 'odom', self._on_odometry, SENSOR_DATA)
         self.create_subscription(LaserScan, 'scan', self._on_scan, SENSOR_DATA)
         self.create_subscription(String, 'selected', self._on_selected, LATCHED)
@@ -168,8 +171,10 @@ class NavigatorNode(Node):
     def _on_fixed_frames(self, message: Any) -> None:
         take_fixed_frames(message, self.navigation.senses)
 
-    def _on_goal(self, message: PoseStamped) -> None:
+    def _on_goal(self, message: PoseStamped, info: dict[str, int]) -> None:
         try:
+            if self._absence.is_stale(info['source_timestamp']):
+                raise InvalidMessage('it waited while this process stood still')
             self.navigation.go(self.in_map(message))
         except InvalidMessage as error:
             self.navigation.say(f'goal_pose: {error}: ignored')

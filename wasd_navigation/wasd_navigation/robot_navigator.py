@@ -189,7 +189,7 @@ class RobotNavigator:
         self._begin_another()
         if refusal := self.no_driving:
             self.stop(REPLACED)
-            self.navigator.refuse(refusal, waypoints.goal)
+            self.navigator.refuse(refusal, waypoints.begin())
             waypoints.tell(Outcome('refused', refusal))
         else:
             self.navigator.cancel(REPLACED)
@@ -203,10 +203,11 @@ class RobotNavigator:
 
     def _drive_on(self, waypoints: Waypoints) -> None:
         """Drive to the next waypoint."""
-        goal = waypoints.goal
         if refusal := self.no_driving:
             self._end_waypoints(Outcome('cancelled', refusal))
-        elif refusal := self._refusal_of(goal):
+            return
+        goal = waypoints.begin()
+        if refusal := self._refusal_of(goal):
             self.navigator.refuse(refusal, goal)
         else:
             self.navigator.set_goal(goal)
@@ -242,8 +243,6 @@ class RobotNavigator:
         """Set the next goal where the last one is done with, or seen from afar."""
         navigator, pose = self.navigator, self.navigator.pose
         if pose is None or not navigator.is_placed or self.refusal():
-            return
-        if not navigator.grid.cells.size:  # a lidar that spins up sees nothing
             return
         if not self._has_begun:
             # It returns to its start, or to where it has left the keepout area around that.

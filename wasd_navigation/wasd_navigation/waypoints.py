@@ -13,8 +13,9 @@ class Waypoints:
     Goals (x, y, yaw) that are driven to in turn, shape (3,) each; one that fails is skipped.
 
     `rounds` says how often all of them, None until in one round none was reached. `index` is of
-    the goal that is driven to; `missed` are the indices of those that were not reached, of a
-    limited number of rounds. `tell` hears how it ends: arrived, or why not.
+    the goal that is driven to, `left` are those after it in this round; `missed` are the indices
+    of those that were not reached, of a limited number of rounds. `tell` hears how it ends:
+    arrived, or why not.
     """
 
     def __init__(
@@ -25,13 +26,13 @@ class Waypoints:
         tell: Callable[[Outcome], None] = lambda outcome: None,
     ) -> None:
         self._goals, self._left, self.tell = goals, rounds, tell
-        self.index = first
+        self.index, self.left = first, goals[first:]
         self.missed: list[int] = []
         self._in_vain = 0  # goals in a row that were not reached
 
-    @property
-    def goal(self) -> np.ndarray:
-        """The goal that is driven to."""
+    def begin(self) -> np.ndarray:
+        """Return the goal to drive to from now on."""
+        self.left = self._goals[self.index + 1 :]
         return np.array(self._goals[self.index], float)
 
     def end(self, outcome: Outcome) -> Outcome | None:

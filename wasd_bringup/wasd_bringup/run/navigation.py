@@ -25,6 +25,8 @@ from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, margin_of, size_
 
 # By this name it takes the robot.
 SOURCE = 'navigator'
+# Why its goals are cancelled at the end of the run.
+ENDS = 'the navigator ends'
 # The page gets a new map so often at most [s].
 PICTURE_PERIOD = 1.0
 # Maps of a process have different numbers: the page shows those of several robots in turn.
@@ -75,7 +77,8 @@ class NavigationDriver:
 
     def prepare(self) -> None:
         """Apply the settings, before anything is scheduled."""
-        self.navigator.on_end.append(self._on_end)
+        # Before what tells of the goals after it.
+        self.navigator.on_end.insert(0, self._on_end)
 
     @property
     def navigator(self) -> Navigator:
@@ -151,7 +154,9 @@ class NavigationDriver:
         if self._goals and is_free and self.navigator.is_placed:
             goals, self._goals = list(map(np.array, self._goals)), ()
             rounds = None if self._options.patrol else 1
-            self.unit.follow(Waypoints(goals, rounds=rounds, tell=self._end_goals))
+            waypoints = Waypoints(goals, rounds=rounds)
+            waypoints.tell = lambda outcome: self._end_goals(waypoints, outcome)
+            self.unit.follow(waypoints)
         self.robot.mute(self.navigator.goal is not None or self.unit.is_following)
         # As a stamp tells it, so that a navigator over topics computes the same.
         now = 1e-9 * round(1e9 * self.robot.world.time)
@@ -227,7 +232,7 @@ class NavigationDriver:
         Raises:
             UserError: it cannot be written.
         """
-        self.unit.stop('the navigator ends')
+        self.unit.stop(ENDS)
         why = self.robot.refusal or self.navigator.missing or 'there was no time for it'
         goals, self._goals = self._goals, ()
         for goal in goals:
@@ -258,9 +263,16 @@ class NavigationDriver:
             self._record(goal, Outcome('cancelled', why))
         self.robot.say(f'{"the goal" if goals else "exploring"} is cancelled: {why}')
 
-    def _end_goals(self, outcome: Outcome) -> None:
-        if outcome.state == 'failed':
-            self.robot.say(f'the patrol ends: {outcome.reason}')
+    def _end_goals(self, waypoints: Waypoints, outcome: Outcome) -> None:
+        """Record the goals that were not begun; those that the end of the run leaves: `close`."""
+        if self._options.patrol:
+            if outcome.state == 'failed':
+                self.robot.say(f'the patrol ends: {outcome.reason}')
+        elif outcome.reason == ENDS:
+            self._goals = tuple(goal.tolist() for goal in waypoints.left)
+        else:
+            for goal in waypoints.left:
+                self._record(goal.tolist(), outcome)
 
     def _tell_odometry(self) -> None:
         odometry = self.robot.odometry
