@@ -159,7 +159,8 @@ class _GuardedMotion(KinematicRobot):
 
     def step(self, asked: np.ndarray) -> None:
         self._guard.pass_time(1.0 / RATE)
-        super().step(self._guard.step(asked, self._odometry).velocity)
+        self._guard.move(self._odometry)
+        super().step(self._guard.step(asked).velocity)
 
     @property
     def _odometry(self) -> Odometry:

@@ -26,7 +26,9 @@ LEVEL = Pose(np.zeros(3), np.eye(3))
 def after_a_period(guard: Guard, asked: np.ndarray, odometry: Odometry | None) -> Guarded:
     """Let a period pass; return how much of a command is followed then."""
     guard.pass_time(DT)
-    return guard.step(asked, odometry)
+    if odometry is not None:
+        guard.move(odometry)
+    return guard.step(asked)
 
 
 def at(pose=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0)) -> Odometry:
@@ -208,18 +210,26 @@ def test_a_scan_that_is_too_old_stops_it() -> None:
         assert steps < 100
     assert steps * DT == pytest.approx(GuardParameters().source_timeout, abs=DT)
     assert guard.last.action == 'stop'
-    assert guard.last.why == 'the lidar is silent for 0.5 s'
+    assert guard.last.why == 'the lidar is silent or blind for 0.5 s'
     guard.see(scan_of(wall(3.0)), at())
     assert after_a_period(guard, asked, at()).action == ''
 
 
 def test_without_a_scan_or_odometry_it_stops() -> None:
+    asked = np.array((0.3, 0.0, 0.0))
     guard = Guard(ROUND, BRAKING)
-    assert after_a_period(guard, np.array((0.3, 0.0, 0.0)), at()).why == 'the lidar is silent'
-    guard = guard_of(wall(3.0))
-    assert after_a_period(guard, np.array((0.3, 0.0, 0.0)), None).why == 'odometry is silent'
-    lost = at((math.nan, 0.0, 0.0))
-    assert after_a_period(guard, np.array((0.3, 0.0, 0.0)), lost).why == 'odometry is silent'
+    assert after_a_period(guard, asked, at()).why == 'the lidar is silent or blind'
+    assert after_a_period(guard_of(wall(3.0)), asked, None).why == 'odometry is silent'
+
+
+def test_odometry_that_falls_silent_is_called_by_its_name_as_scans_wait_for_it() -> None:
+    guard, asked = guard_of(wall(3.0)), np.array((0.3, 0.0, 0.0))
+    assert after_a_period(guard, asked, at()).action == ''
+    guard.pass_time(GuardParameters().source_timeout)
+    guarded = after_a_period(guard, asked, None)
+    assert (guarded.action, guarded.why) == ('stop', 'odometry is silent for 0.6 s')
+    guard.see(scan_of(wall(3.0)), at())
+    assert after_a_period(guard, asked, at()).action == ''
 
 
 @for_all('odd', [math.nan, math.inf, 1e300, -1e9, 101.0])
@@ -351,10 +361,11 @@ def test_what_is_known_stays_in_its_place_when_odometry_is_set_again(after) -> N
     guard = Guard(ROUND, BRAKING, GuardParameters())
     guard.see(scan_of(wall(0.35)), at(before))
     asked = np.array((0.4, 0.0, 0.1))
-    slowed = guard.step(asked, at(before)).velocity
+    assert not guard.move(at(before))
+    slowed = guard.step(asked).velocity
     assert 0.0 < slowed[0] < 0.4
-    guard.take_leap(np.array(before), np.array(after))
-    assert guard.step(asked, at(after)).velocity == pytest.approx(slowed, abs=1e-6)
+    assert guard.move(at(after))
+    assert guard.step(asked).velocity == pytest.approx(slowed, abs=1e-6)
 
 
 @for_all('odd', [math.nan, math.inf, 1e300, -1e9, 101.0])

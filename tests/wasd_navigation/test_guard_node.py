@@ -86,7 +86,7 @@ def test_towards_a_wall_less_of_it_passes_and_it_says_why(guard, drive) -> None:
 def test_without_a_scan_nothing_passes(guard, drive) -> None:
     speed, said = drive(0.5)
     assert speed == 0.0
-    assert said[-1] == 'stop: the lidar is silent'
+    assert said[-1] == 'stop: odometry is silent'
 
 
 @pytest.fixture
@@ -119,6 +119,13 @@ def test_after_a_rest_a_command_passes_at_once(guard, idle) -> None:
     command(guard, 0.3)
     idle(4.0, np.full(100, 4.0))
     assert command(guard, 0.3) == 0.3
+
+
+def test_with_a_lidar_that_is_blind_nothing_passes(guard, idle) -> None:
+    idle(0.2, np.full(100, 4.0))
+    idle(0.6, np.full(100, np.nan))
+    assert command(guard, 0.3) == 0.0
+    assert guard.guard.last.why == 'the lidar is silent or blind for 0.6 s'
 
 
 def test_what_was_hidden_while_it_rested_is_still_there(guard, idle) -> None:

@@ -113,6 +113,7 @@ def test_a_frame_that_is_no_number_is_ignored(rig):
         {'angle_min': math.inf},
         {'angle_increment': math.nan},
         {'ranges': array.array('f', bytes(4 * 100_001))},
+        {'ranges': [math.nan, 0.0, -math.inf]},
     ],
     ids=lambda broken: str(*broken),
 )

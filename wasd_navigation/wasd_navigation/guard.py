@@ -101,14 +101,14 @@ class Guard:
     ) -> None:
         self._body = body_of(footprint)
         self.brake_by(braking)
-        self._sighted = Watchdog(0.0)
+        self._moved, self._sighted = Watchdog(0.0), Watchdog(0.0)
         self.tune(parameters or GuardParameters())
         self.reset()
 
     def tune(self, parameters: GuardParameters) -> None:
         """Take other parameters."""
         self._parameters = parameters
-        self._sighted.timeout = parameters.source_timeout
+        self._moved.timeout = self._sighted.timeout = parameters.source_timeout
 
     def brake_by(self, braking: Sequence[float] | np.ndarray, delay: float = 0.0) -> None:
         """Take other decelerations, and how long the robot takes to reach them [s]."""
@@ -116,20 +116,29 @@ class Guard:
 
     def reset(self) -> None:
         """Know of nothing, as if no scan had ever come."""
+        self._moved.reset()
         self._sighted.reset()
+        self._odometry: Odometry | None = None
         self._points = np.empty((0, 2))  # in the odom frame [m]
         self._ages = np.empty(0)  # since each was seen [s]
         self.last = Guarded(np.zeros(3))
 
-    def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
-        """Keep what is known in its place while odometry is set to another pose, shape (3,)."""
-        self._points = transform(compose(after, inverse(before)), self._points)
+    def move(self, odometry: Odometry) -> bool:
+        """
+        Take the newest odometry; return whether it has leapt, as when it is set to 0.
+
+        Then what is known keeps its place.
+        """
+        before, self._odometry = self._odometry, odometry
+        has_leapt = before is not None and leaps(before.pose, odometry.pose, self._moved.age)
+        if before is not None and has_leapt:
+            self._points = transform(compose(odometry.pose, inverse(before.pose)), self._points)
+        self._moved.hear()
+        return has_leapt
 
     def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
         """Take a scan and the odometry of its time, which is `age` [s] ago."""
         pose = odometry.pose
-        if not np.isfinite(pose).all():
-            return
         is_kept = self._is_hidden(scan, pose) & (self._ages < MEMORY)
         seen: np.ndarray = transform(pose, scan.points)
         self._points = np.concatenate((self._points[is_kept], seen))
@@ -141,9 +150,7 @@ class Guard:
         rays = scan.ends - scan.origin
         angles = np.sort(np.arctan2(rays[:, 1], rays[:, 0]))
         to = transform(inverse(pose), self._points) - scan.origin
-        is_near: np.ndarray = np.hypot(to[:, 0], to[:, 1]) < MEMORY_REACH
-        if not len(angles):
-            return is_near
+        is_near = np.hypot(to[:, 0], to[:, 1]) < MEMORY_REACH
         bearings = np.arctan2(to[:, 1], to[:, 0])
         after = np.searchsorted(angles, bearings)
         apart = np.minimum(
@@ -154,26 +161,32 @@ class Guard:
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` [s] pass, also where nothing is commanded."""
+        self._moved.step(dt)
         self._sighted.step(dt)
         self._ages = self._ages + max(dt, 0.0)
 
-    def step(self, asked: np.ndarray, odometry: Odometry | None) -> Guarded:
-        """Return how much of a command (vx, vy, wz), shape (3,), to follow; `odometry` of now."""
-        self.last = self._limit(np.array(asked, float), odometry)
+    def step(self, asked: np.ndarray) -> Guarded:
+        """Return how much of a command (vx, vy, wz), shape (3,), to follow now."""
+        self.last = self._limit(np.array(asked, float))
         return self.last
 
-    def _limit(self, asked: np.ndarray, odometry: Odometry | None) -> Guarded:
+    def _limit(self, asked: np.ndarray) -> Guarded:
         still = np.zeros(3)
         if not (np.abs(asked) <= FASTEST).all():
             return Guarded(still, 'stop', f'the command is not within {FASTEST:g} m/s and rad/s')
         if not asked.any() or not self._parameters.enabled:
             return Guarded(asked)
-        if not self._sighted.is_alive:
-            age = self._sighted.age
-            silence = f'silent for {age:.1f} s' if math.isfinite(age) else 'silent'
-            return Guarded(still, 'stop', f'the lidar is {silence}')
-        if odometry is None or not np.isfinite(odometry.pose).all():
-            return Guarded(still, 'stop', 'odometry is silent')
+        # Odometry first: without it scans wait.
+        senses = (
+            ('odometry is silent', self._moved),
+            ('the lidar is silent or blind', self._sighted),
+        )
+        for why, heard in senses:
+            if not heard.is_alive:
+                since = f' for {heard.age:.1f} s' if math.isfinite(heard.age) else ''
+                return Guarded(still, 'stop', why + since)
+        odometry = self._odometry
+        assert odometry is not None
         if not (np.abs(odometry.velocity) <= FASTEST).all():
             return Guarded(still, 'stop', f'odometry is not within {FASTEST:g} m/s and rad/s')
         return self._clear(asked, odometry)
@@ -294,26 +307,20 @@ class GuardSenses(Senses):
         super().__init__()
         self._guard = guard
         self.on_scan = lambda scan, odometry, age, _: guard.see(scan, odometry, age)
-        self.odometry: Odometry | None = None
-        self._read_at = 0.0
 
     def take_odometry(self, now: float, base: BaseOdometry, frames: tuple[str, str]) -> None:
         """Take odometry of a time [s]; `frames` are odom's and the base's."""
         odometry = self.read_odometry(now, base, frames)
         if odometry is None:
             return
-        before, self.odometry = self.odometry, odometry
-        if before is not None and leaps(before.pose, odometry.pose, max(now - self._read_at, 0.0)):
+        if self._guard.move(odometry):
             self.forget_odometry(now)
-            self._guard.take_leap(before.pose, odometry.pose)
-        self._read_at = now
         self.add_odometry(now, odometry)
 
     def reset(self) -> None:
         """Forget what was sensed, as the guard does."""
         super().reset()
         self._guard.reset()
-        self.odometry = None
 
 
 def warm_up(footprint: Footprint) -> None:
@@ -322,8 +329,9 @@ def warm_up(footprint: Footprint) -> None:
     points = np.array(((footprint.inscribed + 0.1, 0.0), (1.0, 1.0)))
     scan = Scan(np.zeros(2), points, np.ones(2, np.bool_))
     here = Odometry(np.zeros(3), np.zeros(3), np.eye(3), Pose(np.zeros(3), np.eye(3)))
+    guard.move(here)
     guard.see(scan, here)
-    guard.step(np.array((1.0, 0.0, 1.0)), here)
+    guard.step(np.array((1.0, 0.0, 1.0)))
 
 
 def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -103,7 +103,7 @@ class GuardNode(Node):
         self.guard.pass_time(dt)
 
     def _limit(self) -> np.ndarray:
-        guarded = self.guard.step(self._asked, self.senses.odometry)
+        guarded = self.guard.step(self._asked)
         words = ': '.join(filter(None, (guarded.action, guarded.why)))
         if words != self._said:
             self._said = words
@@ -132,6 +132,7 @@ class GuardNode(Node):
         self._out.publish(stamped(to_twist(vx, vy, 0.0, wz), stamp, self._base_frame))
 
     def _on_odometry(self, message: OdometryMessage) -> None:
+        self._pass_time()
         now = to_seconds(message.header.stamp)
         frames = message.header.frame_id, message.child_frame_id
         self.senses.take_odometry(now, from_odometry(message), frames)

@@ -69,7 +69,7 @@ class GuardParameters(Parameters):
         unit='s',
         minimum=0.05,
         maximum=10.0,
-        doc='Age of the scan above which the robot stops',
+        doc='Age of the scan or odometry above which the robot stops',
     )
 
 

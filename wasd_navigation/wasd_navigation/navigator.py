@@ -154,7 +154,7 @@ class Navigator:
             return self.notice or 'the robot does not know yet where it is'
         if not self._fresh.is_alive:
             return 'odometry is silent'
-        return '' if self._sighted.is_alive else 'the lidar is silent'
+        return '' if self._sighted.is_alive else 'the lidar is silent or blind'
 
     def move(self, odometry: Odometry) -> bool:
         """

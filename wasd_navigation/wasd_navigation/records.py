@@ -186,7 +186,7 @@ def read_ranges(
     scan's instant; else it stood still. `is_ground` says in that frame which rays end on ground.
 
     Raises:
-        InvalidMessage: its angles or limits are not finite.
+        InvalidMessage: its angles or limits are not finite, or no ray tells anything: it is blind.
     """
     numbers = said[1:5]
     if not all(map(math.isfinite, numbers)) or not said.range_max > 0.0:
@@ -197,7 +197,10 @@ def read_ranges(
     ranges = np.array(said.ranges, dtype=float)
     angles = said.angle_min + said.angle_increment * np.arange(len(ranges))
     limits = said.range_min, said.range_max
-    return read_scan(ranges, angles, limits, mount, moved, is_ground)
+    scan = read_scan(ranges, angles, limits, mount, moved, is_ground)
+    if not len(scan.ends):
+        raise InvalidMessage('the lidar is blind, no ray tells anything')
+    return scan
 
 
 def read_scan(

@@ -62,7 +62,7 @@ class RobotGuard:
             self._catch_up()
             # The controller's parameters may have changed.
             self.unit.brake_by(self._robot.braking, self._robot.braking_delay)
-            self.unit.step(np.array(wanted), self._senses.odometry)
+            self.unit.step(np.array(wanted))
         return self.unit.last.velocity
 
     def _catch_up(self) -> None:
