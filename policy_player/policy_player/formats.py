@@ -7,7 +7,7 @@ config.yaml, unitree_rl_gym a yaml of its own; legged_gym and MuJoCo Playground 
 are presets.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 import math
 from typing import Any
@@ -60,19 +60,15 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
     count, called = len(joints), words('observation_names')
     # A network of mjlab sees joints less their default, whatever the term is called.
     known = {**NAMES, _ABSOLUTE: 'joint_position'}
-    terms = [Term(name=term_name(name, known)) for name in called]
-    extra: dict[str, Sequence[Any]] = {
-        'scale': [(one,) for one in _per_term(metadata, 'scale', called, 1.0)],
-        'clip': _told_pairs(metadata, 'observation_terms_clip', len(called))
-        or [_FREE] * len(called),
-        'ages': [
-            tuple(range(max(1, int(n)) - 1, -1, -1))
-            for n in _per_term(metadata, 'history_length', called, 0.0, _LENGTHS)
-        ],
-    }
-    built = tuple(
-        Term(name=term.name, **{key: values[at] for key, values in extra.items()})
-        for at, term in enumerate(terms)
+    names = [term_name(name, known) for name in called]
+    scales = _per_term(metadata, 'scale', called, 1.0)
+    clips = _told_pairs(metadata, 'observation_terms_clip', len(called))
+    lengths = _per_term(metadata, 'history_length', called, 0.0, _LENGTHS)
+    terms = tuple(
+        Term(name=name, scale=(scale,), clip=clip, ages=_last(length))
+        for name, scale, clip, length in zip(
+            names, scales, clips or [_FREE] * len(called), lengths, strict=True
+        )
     )
     default = numbers('default_joint_pos', count)
     return PolicySpec(
@@ -83,12 +79,17 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
         default_position=default,
         action_scale=numbers('action_scale', count),
         action_offset=default,
-        terms=built,
+        terms=terms,
         phase_period=_floats([metadata.get('phase_period', '0')], 'metadata phase_period')[0],
         action_clip=_told_clip(metadata, count),
         ranges=_told_pairs(metadata, 'command_ranges', 3),
         assumed=(f'a step of {USUAL_PERIOD:g} s',),
     )
+
+
+def _last(length: float) -> tuple[int, ...]:
+    """Return the steps ago of a history, the oldest first; a length of 0 is 1."""
+    return tuple(range(max(int(length), 1) - 1, -1, -1))
 
 
 def _told_pairs(
@@ -151,18 +152,13 @@ def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
     Raises:
         PolicyError: what is missing or wrong, by its name.
     """
-    order = _need(values, 'joint_ids_map')
-    if not isinstance(order, list) or sorted(map(str, order)) != sorted(
-        str(index) for index in range(len(order))
-    ):
-        raise PolicyError(f'joint_ids_map: got {str(order)[:60]}, wanted each of 0 to n - 1 once')
-    count = len(order)
+    motors = _order(values, 'joint_ids_map')
+    count = len(motors)
     if count not in MOTOR_ORDER:
         known = ' or '.join(map(str, MOTOR_ORDER))
         raise PolicyError(
             f'joint_ids_map: the order of {count} motors is not known, only that of {known}'
         )
-    motors = [int(index) for index in order]
     joints = tuple(MOTOR_ORDER[count][index] for index in motors)
     gains = {
         name: tuple(_numbers(values, name, count)[index] for index in motors)
@@ -224,16 +220,13 @@ def _deployed_term(name: str, said: Any, count: int, scales_first: bool) -> Term
         raise PolicyError(
             f'{where}.history_length: got {shown(length)}, wanted 0 to {LONGEST_HISTORY}'
         )
-    pair = (-math.inf, math.inf)
-    if clip is not None:
-        low, high = check_numbers(clip, 2, f'{where}.clip')
-        pair = (low, high)
+    low, high = _FREE if clip is None else check_numbers(clip, 2, f'{where}.clip')
     return Term(
         name=called,
         scale=(1.0,) if scale is None else check_numbers(scale, width, f'{where}.scale'),
-        clip=pair,
+        clip=(low, high),
         scales_first=scales_first,
-        ages=tuple(range(max(int(length), 1) - 1, -1, -1)),
+        ages=_last(length),
     )
 
 
@@ -252,9 +245,8 @@ def _ranges(commands: Any) -> tuple[tuple[float, float], ...] | None:
     ranges = velocity.get('ranges') if isinstance(velocity, dict) else None
     if not isinstance(ranges, dict):
         return None
-    names = ('lin_vel_x', 'lin_vel_y', 'ang_vel_z')
     found = []
-    for name in names:
+    for name in ('lin_vel_x', 'lin_vel_y', 'ang_vel_z'):
         low, high = check_numbers(ranges.get(name), 2, f'commands.base_velocity.ranges.{name}')
         found.append((low, high))
     return tuple(found)
@@ -370,14 +362,9 @@ def _rl_sar_joints(said: Mapping[str, Any], count: int, assumed: list[str]) -> t
         assumed.append('the order of the joints is the usual one of its maker')
     if not isinstance(names, (list, tuple)) or len(names) != count:
         raise PolicyError(f'joint_names: wanted {count} names')
-    mapping = said.get('joint_mapping')
-    if mapping is None:  # older files: `joint_names` are the policy's own
+    if said.get('joint_mapping') is None:  # older files: `joint_names` are the policy's own
         return tuple(map(str, names))
-    if not isinstance(mapping, list) or sorted(map(str, mapping)) != sorted(
-        map(str, range(count))
-    ):
-        raise PolicyError(f'joint_mapping: wanted each of 0 to {count - 1} once')
-    return tuple(str(names[int(index)]) for index in mapping)
+    return tuple(str(names[index]) for index in _order(said, 'joint_mapping', count))
 
 
 # unitree_rl_gym's clock of the steps of its G1 [s], which its scripts have and its files have not.
@@ -521,6 +508,17 @@ def _need(values: Mapping[str, Any], key: str, where: str = '') -> Any:
     if values.get(key) is None:
         raise PolicyError(f'{where}{"." if where else ""}{key}: it is missing')
     return values[key]
+
+
+def _order(values: Mapping[str, Any], key: str, count: int | None = None) -> list[int]:
+    """Return numbers that put `count` things, or however many they are, into another order."""
+    order = _need(values, key)
+    if not isinstance(order, list) or sorted(map(str, order)) != sorted(
+        map(str, range(count or len(order)))
+    ):
+        last = 'n - 1' if count is None else count - 1
+        raise PolicyError(f'{key}: got {str(order)[:60]}, wanted each of 0 to {last} once')
+    return [int(index) for index in order]
 
 
 def _numbers(values: Mapping[str, Any], key: str, count: int = 1) -> Numbers:

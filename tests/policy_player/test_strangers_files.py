@@ -107,7 +107,7 @@ def test_a_configuration_in_doubt_is_refused_by_the_name_of_the_term(
         ({'observations_history_priority': 'both'}, "got 'both', wanted time or term"),
         ({'wheel_indices': [3]}, 'wheels are not played'),
         ({'commands_scale': [1.0]}, 'commands_scale: got 1 numbers, wanted 3'),
-        ({'joint_mapping': [0] * 12}, 'joint_mapping: wanted each of 0 to 11 once'),
+        ({'joint_mapping': [0] * 12}, 'wanted each of 0 to 11 once'),
         ({'num_of_dofs': 'twelve'}, 'num_of_dofs'),
         ({'rl_kd': None}, 'rl_kd: it is missing'),
         ({'clip_obs': 0}, 'observation clip: got 0, wanted more than 0'),
