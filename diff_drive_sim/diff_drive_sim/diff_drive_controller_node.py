@@ -77,13 +77,9 @@ def read_given(node: Node, file: ControllerFile | None = None) -> ControllerFile
     if file is None and isinstance(path, str) and path:
         file = read_controller_file(path)
     file = file or ControllerFile({}, DiffDriveParameters(), '', ())
-    _say_unused(node, unused | {*file.unused})
+    if unused := unused | {*file.unused}:
+        node.get_logger().info(f'parameters without a meaning here: {", ".join(sorted(unused))}')
     return file
-
-
-def _say_unused(node: Node, names: set[str]) -> None:
-    if names:
-        node.get_logger().info(f'parameters without a meaning here: {", ".join(sorted(names))}')
 
 
 # Truth that is farther apart than this says nothing of the speed in between [s].
@@ -127,7 +123,11 @@ class DiffDriveControllerNode(Node):
         given = read_given(self, file)
         declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.parameters)
         self._is_alone = unit is None
-        self.unit = unit or _load_drive(declared)
+        if unit is None:
+            loaded = load_robot(declared.description, wheels=declared.wheel_choice())
+            # Over topics the answer to a state is in force from the next one on.
+            unit = DiffDrive(loaded.robot, delay=1)
+        self.unit = unit
         self.unit.configure(declared)
         for note in (*self.unit.notes, *self._frame_notes()):
             self.get_logger().warning(visible(note))
@@ -356,13 +356,6 @@ class DiffDriveControllerNode(Node):
             return described if alone else ()
         names = described if alone and wanted != 'arbotix' else ()
         return names if wanted == 'urdf' else (*names, *ARBOTIX_JOINTS)
-
-
-def _load_drive(parameters: DiffDriveParameters) -> DiffDrive:
-    """Return the drive of the robot that the parameters name."""
-    loaded = load_robot(parameters.description, wheels=parameters.wheel_choice())
-    # Over topics the answer to a state is in force from the next one on.
-    return DiffDrive(loaded.robot, delay=1)
 
 
 def main(args: list[str] | None = None) -> int:

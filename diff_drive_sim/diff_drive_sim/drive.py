@@ -69,7 +69,7 @@ class DiffDriveController:
         """Take wheels and parameters; `strength` is what motors can do, ahead and in a turn."""
         self.geometry = geometry
         self._strength = strength
-        self.odometry = WheelOdometry(geometry, window=parameters.velocity_rolling_window_size)
+        self.odometry = WheelOdometry(geometry, parameters.velocity_rolling_window_size)
         self._ramp = PlanarRamp(geometry)
         self._command_age = Watchdog(parameters.cmd_vel_timeout)
         self.parameters = parameters

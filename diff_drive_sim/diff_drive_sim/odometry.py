@@ -231,17 +231,11 @@ class WheelOdometry:
     last `window` steps.
     """
 
-    def __init__(
-        self,
-        geometry: DiffDriveGeometry,
-        speed_limit: float = math.inf,
-        window: int = 1,
-        growth: Growth | None = None,
-    ) -> None:
+    def __init__(self, geometry: DiffDriveGeometry, window: int = 1) -> None:
         self._geometry = geometry
-        self.speed_limit = speed_limit
+        self.speed_limit = math.inf
         self.resolution = 0.0
-        self.growth = growth or Growth()
+        self.growth = Growth()
         self.restarts = 0
         self._moves: deque[_Move] = deque(maxlen=window)
         self.reset()

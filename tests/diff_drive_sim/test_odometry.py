@@ -127,7 +127,8 @@ def test_a_base_beside_the_axle_is_carried_around_it(geometry, linear):
 
 
 def test_encoders_that_restart_move_nothing_and_give_no_spike(geometry):
-    odometry = WheelOdometry(geometry, speed_limit=25.0)
+    odometry = WheelOdometry(geometry)
+    odometry.speed_limit = 25.0
     odometry.step(0.0, 0.0, 0.02)
     before = drive(odometry, geometry, 0.5, 0.4, 10.0, rate=50.0)
     after = odometry.step(0.0, 0.0, 0.02)
@@ -145,7 +146,8 @@ def test_encoders_that_restart_move_nothing_and_give_no_spike(geometry):
 def test_what_a_pushed_wheel_can_do_is_believed_at_any_interval(geometry, sign, dt):
     largest = max(SMALLEST_JUMP, BELIEVABLE * 25.0 * dt)
     for change, moves in ((0.99 * largest, True), (1.01 * largest, False)):
-        odometry = WheelOdometry(geometry, speed_limit=25.0)
+        odometry = WheelOdometry(geometry)
+        odometry.speed_limit = 25.0
         odometry.step(5.0, 5.0, 0.005)
         state = odometry.step(5.0 + sign * change, 5.0 + sign * change, dt)
         assert state.x == pytest.approx(sign * change * 0.06 if moves else 0.0, abs=1e-12)

@@ -16,7 +16,8 @@ def matrix(covariance):
 
 def drive(geometry, *legs, growth=GROWTH, rate=200.0):
     """Return odometry after legs of (linear, angular, duration)."""
-    odometry = WheelOdometry(geometry, growth=growth)
+    odometry = WheelOdometry(geometry)
+    odometry.growth = growth
     left = right = 0.0
     odometry.step(left, right, 0.0)
     for linear, angular, duration in legs:
