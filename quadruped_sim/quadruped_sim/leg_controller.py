@@ -283,7 +283,7 @@ class LegController:
                 self.sticks.begin_anew()
             return refusal or None
         state = self._machine.coming
-        if not self.takes_sticks:
+        if self.lies_fallen:
             return self.words.to_fallen(self.obstacle)
         if key in GAIT_KEYS and self.words.is_for_legs(key):
             gaits = tuple(GAITS)
@@ -299,7 +299,7 @@ class LegController:
 
     def refusal(self, key: str) -> str:
         """Return why a state's key does nothing now; '' if it does something."""
-        if self._lies_fallen and (self.obstacle or key not in GET_UP_KEYS) and key != '1':
+        if self.lies_fallen and (self.obstacle or key not in GET_UP_KEYS) and key != '1':
             return self.words.to_fallen(self.obstacle)
         state, meant = self._machine.coming, self._meaning(key)
         if STATE_KEYS[meant] is StateName.POLICY and not self.has_policy:
@@ -312,12 +312,8 @@ class LegController:
         return '' if is_legal else self.words.to_state(state, STATE_KEYS[meant])
 
     @property
-    def takes_sticks(self) -> bool:
-        """Whether keys move the sticks now: those of a robot that has fallen do not."""
-        return not self._lies_fallen
-
-    @property
-    def _lies_fallen(self) -> bool:
+    def lies_fallen(self) -> bool:
+        """Whether it has fallen and lies: keys do not move its sticks then."""
         return self.is_fallen and self._machine.coming is StateName.PASSIVE
 
     @property
@@ -338,7 +334,7 @@ class LegController:
 
     def _meaning(self, key: str) -> str:
         """Return what a state's key stands for: a robot that has fallen must get up to stand."""
-        must_fold = self._lies_fallen or self._lies_sprawled
+        must_fold = self.lies_fallen or self._lies_sprawled
         return GET_UP_KEYS[-1] if must_fold and key in GET_UP_KEYS else key
 
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
@@ -346,7 +342,7 @@ class LegController:
         if self._machine.state not in FOLLOWING:
             if vx == vy == yaw_rate == 0.0:
                 return None  # it moves as it is asked to
-            if self._lies_fallen:
+            if self.lies_fallen:
                 return self.words.to_fallen(self.obstacle)
             if self.hindrance:
                 return self.hindrance
@@ -358,7 +354,11 @@ class LegController:
 
     def e_stop(self, reason: str = 'emergency stop') -> None:
         """Go passive at once."""
-        self._let_go(reason)
+        for solver in self._solvers:
+            solver.restart_count()
+        self._passive.be_limp()
+        if self._machine.force(StateName.PASSIVE):
+            self.event = reason
 
     @property
     def due_after(self) -> float:
@@ -372,7 +372,7 @@ class LegController:
         self._odometry = None
         good = self.safety.filter_reading(reading)
         if good is None or (self._uses_truth and truth is None):
-            self._let_go('no usable sensor reading')
+            self.e_stop('no usable sensor reading')
             return damping_command(self.model.scale, np.zeros(12))
         try:
             return self._answer(good, dt, truth)
@@ -398,13 +398,13 @@ class LegController:
         if wanted is not self._wanted:  # else it holds the last one
             self._wanted, self._command = wanted, self.safety.filter_command(wanted)
         if self._command is None:
-            self._let_go('a command to the motors is not finite')
+            self.e_stop('a command to the motors is not finite')
             return damping_command(self.model.scale, robot.joint_position)
         return self._command
 
     def _recover(self, reading: Reading, reason: str) -> JointCommand:
         """Damp; begin the estimate again from where the robot was, whatever broke it."""
-        self._let_go(reason)
+        self.e_stop(reason)
         self._detector.reset()
         self._load.reset()
         offset = self._heading.offset
@@ -431,11 +431,11 @@ class LegController:
             or self.safety.reason_to_let_go(
                 robot.base.R if tilts and not may_lie else None,
                 robot.joint_position,
-                self._failures_in_a_row(),
+                max(solver.failures_in_a_row for solver in self._solvers),
             )
         )
         if reason is not None:
-            self._let_go(reason)
+            self.e_stop(reason)
         elif state.is_over and self._machine.coming is self._machine.state:
             self._machine.force(SUCCESSORS[self._machine.state])
         elif self.hindrance and not self.rests:
@@ -454,17 +454,6 @@ class LegController:
             self._entered = self._machine.state
         if due is StateName.PASSIVE:
             self._passive.go_down(robot)
-
-    def _let_go(self, reason: str) -> None:
-        for solver in self._solvers:
-            solver.restart_count()
-        self._passive.be_limp()
-        if self._machine.force(StateName.PASSIVE):
-            self.event = reason
-
-    def _failures_in_a_row(self) -> int:
-        mpc, whole_body = self._solvers
-        return max(mpc.failures_in_a_row, whole_body.failures_in_a_row)
 
     def _estimate(
         self, reading: Reading, dt: float, truth: BaseState | None

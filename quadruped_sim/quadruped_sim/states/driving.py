@@ -163,12 +163,8 @@ class Passive(State):
     feet.
     """
 
+    may_be_low = True
     _squatting = 0.0  # for so long from now [s]
-
-    @property
-    def may_be_low(self) -> bool:
-        """Whether the trunk may be near the ground."""
-        return True
 
     def enter(self, robot: RobotState) -> None:
         """End whatever gait there was, and be limp."""
@@ -258,9 +254,12 @@ class AfterTrot(State):
             self._start_steps(robot)
         return self._halt(robot, dt) if self._halting > 0.0 else self._at_rest(robot, dt)
 
-    @abstractmethod
     def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
-        """Command of a tick, from `self._start` (12,) [rad] on at `self._time` [s]."""
+        """Next point of the straight line from the measured pose to the stand."""
+        self._time += dt
+        share = min(self._time / STAND_TIME, 1.0)
+        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
+        return stiff_command(self._parts.model, position)
 
     @property
     def _may_step(self) -> bool:
@@ -281,13 +280,6 @@ class AfterTrot(State):
         self._parts.locomotion.reset(robot, feet)
         self._parts.locomotion.gait.start()
         self._halting = _HALT_TIME_MAX
-
-    def _rise(self, dt: float) -> JointCommand:
-        """Next point of the straight line from the measured pose to the stand."""
-        self._time += dt
-        share = min(self._time / STAND_TIME, 1.0)
-        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
-        return stiff_command(self._parts.model, position)
 
     def _rest(self, robot: RobotState) -> None:
         self._start = robot.joint_position.copy()
@@ -320,10 +312,6 @@ class AfterTrot(State):
 class FixedStand(AfterTrot):
     """2.0 s from the measured pose to the stand; entering again starts again."""
 
-    def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
-        """Next point of the line."""
-        return self._rise(dt)
-
 
 def is_up(model: RobotModel, robot: RobotState) -> bool:
     """Whether the legs hold the hips about as high as in the stand."""
@@ -343,7 +331,7 @@ class OnFeet(AfterTrot):
         """Rise, then act."""
         if self._is_risen:
             return self._act(robot, dt)
-        command = self._rise(dt)
+        command = super()._at_rest(robot, dt)
         if self._time >= STAND_TIME:
             super()._rest(robot)
             self._is_risen = True

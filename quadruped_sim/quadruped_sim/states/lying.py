@@ -110,6 +110,8 @@ class GetUp(State):
     stand]. What did not bring a robot off its back is repeated to the other side.
     """
 
+    may_be_low = True
+
     def __init__(self, parts: ControllerParts) -> None:
         super().__init__(parts)
         self._folded = parts.model.folded_pose
@@ -125,11 +127,6 @@ class GetUp(State):
     def is_lying(self) -> bool:
         """Whether it is not yet on its feet."""
         return self._stage is not Stage.STAND
-
-    @property
-    def may_be_low(self) -> bool:
-        """Whether it is not yet on its feet, or rises onto them."""
-        return True
 
     @property
     def failure(self) -> str | None:
@@ -323,14 +320,11 @@ def obstacle(model: RobotModel) -> str:
 class LieDown(AfterTrot):
     """Folds the legs under a robot that stands, so that it is let go of near the ground."""
 
+    may_be_low = True
+
     def __init__(self, parts: ControllerParts) -> None:
         super().__init__(parts)
         self._folded = parts.model.folded_pose
-
-    @property
-    def may_be_low(self) -> bool:
-        """Whether the base may be low: it lies down."""
-        return True
 
     @property
     def is_over(self) -> bool:

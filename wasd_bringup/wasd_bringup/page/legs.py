@@ -100,7 +100,7 @@ class LegsView(RobotView):
         """Return the keys that bring the sticks there, None where velocities drive."""
         if self._drives_by_velocity or self._robot.logic is not None:
             return None
-        if not self._controller.takes_sticks:
+        if self._controller.lies_fallen:
             return ()  # they would be asked for again and again, and never get there
         now = self._controller.sticks.pressed
         if stick == Stick():
