@@ -444,7 +444,8 @@ class World:
         self.has_imu = gyro >= 0
         self._views = _Views(self.data, self.parts, prefix if self.has_imu else None)
         self._sensors: NoisySensors | None = None
-        self._strength = self._strength_of_joints()
+        strength = self.setup.drawn.strength
+        self._strength = np.array([strength.get(name, 1.0) for name in self.joint_names])
         self._link_numbers: dict[tuple[str, ...], list[int]] = {}
         # Readings, each with its tick, that are not yet known; the first is.
         self._late: deque[tuple[int, Reading]] = deque()
@@ -598,10 +599,6 @@ class World:
             of_geoms = [number.get(link, len(links)) for link in self.parts.link_of_geom]
             self._link_numbers[links] = of_geoms
         return self._link_numbers[links]
-
-    def _strength_of_joints(self) -> np.ndarray:
-        strength = self.setup.drawn.strength
-        return np.array([strength.get(name, 1.0) for name in self.joint_names])
 
 
 class _Views:

@@ -3,7 +3,7 @@ import unicodedata
 
 from cases import for_all
 import pytest
-from wasd_core.streams import visible, visible_lines
+from wasd_core.streams import visible
 
 
 @for_all(
@@ -27,7 +27,7 @@ def test_what_would_steer_a_terminal_is_shown(text, shown):
 
 
 def test_lines_stay_lines():
-    assert visible_lines('a: 1\n\tb: \x1b[2J\r\n') == 'a: 1\n\tb: ^[[2J^M\n'
+    assert visible('a: 1\n\tb: \x1b[2J\r\n', '\n\t') == 'a: 1\n\tb: ^[[2J^M\n'
 
 
 @pytest.mark.slow

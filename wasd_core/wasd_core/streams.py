@@ -25,22 +25,16 @@ UNSEEN = frozenset(('Cc', 'Cf', 'Cs', 'Zl', 'Zp'))
 JOINERS = '\u200c\u200d'
 
 
-def visible(text: str) -> str:
+def visible(text: str, kept: str = '') -> str:
     r"""
     Return a text in which no character acts on a terminal: ESC as `^[`, U+009B as `\x9b`.
 
-    Blanks are the only space left: a line break becomes `^J`, so one line stays one line.
+    Blanks are the only space left: a line break becomes `^J`, so one line stays one line. What is
+    `kept` stays as it is.
     """
     if text.isascii() and text.isprintable():
         return text
-    return ''.join(map(_visible, text))
-
-
-def visible_lines(text: str) -> str:
-    """Return the same of a text of several lines: its line breaks and tabs stay."""
-    if text.isascii() and text.isprintable():
-        return text
-    return ''.join(one if one in '\n\t' else _visible(one) for one in text)
+    return ''.join(one if one in kept else _visible(one) for one in text)
 
 
 def _visible(one: str) -> str:
@@ -161,7 +155,7 @@ class Words(io.TextIOWrapper):
 
     def write(self, text: str) -> int:
         """Write a text, and it alone."""
-        super().write(visible_lines(text) if self._is_terminal else text)
+        super().write(visible(text, '\n\t') if self._is_terminal else text)
         return len(text)
 
 

@@ -212,24 +212,15 @@ class SharedRenderer:
 
     def __init__(self, site: Site) -> None:
         self._world, self._say = site.world, site.say
-        self._size = 0, 0
+        self.width = self.height = 0  # of the largest picture [pixels]
         self._offscreen: Offscreen | None = None
         self._works = True
-
-    @classmethod
-    def of(cls, tag: CameraTag, site: Site) -> 'SharedRenderer':
-        """Return a site's renderer, which is now large enough for the pictures of a camera."""
-        shared: SharedRenderer = site.renderer or cls(site)
-        width, height = shared._size
-        shared._size = max(width, tag.width), max(height, tag.height)
-        site.renderer = shared
-        return shared
 
     def open(self) -> Offscreen | None:
         """Return the renderer; None, and one line in the log, where there cannot be one."""
         if self._offscreen is None and self._works:
             try:
-                self._offscreen = Offscreen(self._world, *self._size)
+                self._offscreen = Offscreen(self._world, self.width, self.height)
             except SimulationError as error:
                 self._works = False
                 self._say(f'cameras have no pictures: {error}')
@@ -261,7 +252,9 @@ class Camera:
         self.tag = tag
         self._site = site
         self._mount = site.find_mount(tag.link, tag.pose)
-        self._renderer = SharedRenderer.of(tag, site)
+        shared: SharedRenderer = site.renderer or SharedRenderer(site)
+        shared.width, shared.height = max(shared.width, tag.width), max(shared.height, tag.height)
+        self._renderer = site.renderer = shared
 
     @property
     def width(self) -> int:

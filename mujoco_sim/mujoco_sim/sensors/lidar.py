@@ -312,25 +312,24 @@ class Lidar:
 
     def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
         """Yield the fields of a sensor_msgs/LaserScan; all rays are of one instant."""
-        yield 'topic', self.fields(self.scan(random))
+        yield from self.measured(self.true_ranges(), random)
 
     def measured(self, ranges: np.ndarray, random: Random) -> Iterator[tuple[str, Fields]]:
         """Yield the fields of a sensor_msgs/LaserScan of a revolution's true ranges [m]."""
-        yield 'topic', self.fields(self.tag.err(ranges, random))
-
-    def fields(self, ranges: np.ndarray) -> Fields:
-        """Return the fields of a sensor_msgs/LaserScan with these ranges [m]."""
         tag = self.tag
-        return {
-            'angle_min': tag.min_angle,
-            'angle_max': tag.max_angle,
-            'angle_increment': tag.angle_increment,
-            'time_increment': tag.time_increment,
-            'scan_time': 1.0 / tag.rate,
-            'range_min': tag.min_range,
-            'range_max': tag.max_range,
-            'ranges': array.array('f', ranges.astype(np.float32).tobytes()),
-        }
+        yield (
+            'topic',
+            {
+                'angle_min': tag.min_angle,
+                'angle_max': tag.max_angle,
+                'angle_increment': tag.angle_increment,
+                'time_increment': tag.time_increment,
+                'scan_time': 1.0 / tag.rate,
+                'range_min': tag.min_range,
+                'range_max': tag.max_range,
+                'ranges': array.array('f', tag.err(ranges, random).astype(np.float32).tobytes()),
+            },
+        )
 
 
 def _find_glass(model: mujoco.MjModel) -> np.ndarray:

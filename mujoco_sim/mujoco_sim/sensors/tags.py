@@ -57,12 +57,6 @@ class TagReader:
         one, other = (self.number(t, d) for t, d in zip((low, high), defaults, strict=True))
         return min(one, other), max(one, other)
 
-    def _pose(self) -> Pose:
-        """Return the sensor's own `<pose>` in its link; SDF writes it as x y z roll pitch yaw."""
-        text = (self.tag.findtext('pose') or '').strip() or '0 0 0 0 0 0'
-        x, y, z, roll, pitch, yaw = (float(word) for word in text.split())
-        return Pose(np.array([x, y, z]), rpy_matrix(roll, pitch, yaw))
-
     def word(self, *names: str) -> str:
         """Return the text of the first of some elements of the plugin or the sensor, or ''."""
         for name in names:
@@ -83,7 +77,10 @@ class TagReader:
     def common(self, rate: float) -> dict[str, Any]:
         """Return what every SensorTag has; `rate` [Hz] is for a sensor that names none."""
         frames = ('frameName', 'frame_name', 'gz_frame_id', 'ignition_frame_id')
-        pose, named = self._pose(), self.word(*frames)
+        # SDF writes a pose in the link as x y z roll pitch yaw.
+        text = (self.tag.findtext('pose') or '').strip() or '0 0 0 0 0 0'
+        x, y, z, *rpy = map(float, text.split())
+        pose, named = Pose(np.array([x, y, z]), rpy_matrix(*rpy)), self.word(*frames)
         is_moved = bool(pose.position.any()) or not np.array_equal(pose.rotation, np.eye(3))
         has_own = is_moved and not named
         return {

@@ -86,7 +86,8 @@ def check_tags(model: Model) -> Iterator[Finding]:
         for child in element.children:
             if child.tag in wanted or ':' in child.tag or child.tag in EXTENSIONS:
                 continue
-            where = f'<{child.tag}> under <{element.tag}>' + _named(element)
+            name = f' {element.name!r}' if element.name else ''
+            where = f'<{child.tag}> under <{element.tag}>{name}'
             if child.tag in ATTRIBUTES:
                 homes = ', '.join(
                     f'<{tag}>' for tag, tags in CHILDREN.items() if child.tag in tags
@@ -95,10 +96,6 @@ def check_tags(model: Model) -> Iterator[Finding]:
             elif child.tag != 'gazebo' and child not in _almost_joints(model):
                 meant = did_you_mean(child.tag, wanted)
                 yield finding('unknown-tag', child.place, f'{where} is no tag of URDF{meant}')
-
-
-def _named(element: Element) -> str:
-    return f' {element.name!r}' if element.name else ''
 
 
 def check_attributes(model: Model) -> Iterator[Finding]:

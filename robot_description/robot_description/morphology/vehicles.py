@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What else drives on wheels, by its shape, and by its names where shape says nothing."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import math
 from pathlib import PurePosixPath
 
@@ -45,7 +45,7 @@ def other_vehicle(robot: Robot, wheels: Sequence[Place], rollers: Sequence[Rolle
     steered = _steered(robot, rollers)
     if steered:
         return steered
-    rim = next(_rolling_rims(rollers), '') or _crossed(rollers)
+    rim = _rolling_rim(rollers) or _crossed(rollers)
     if rim:
         return f'a mecanum or omni base ({rim})'
     named = _named(robot, ROLLER_WORDS, WHEEL_WORDS) or _slanted(robot, rollers)
@@ -80,13 +80,14 @@ def _steered(robot: Robot, rollers: Sequence[Roller]) -> str:
     return f'a {"tricycle" if len(held) > 1 else "bicycle"} ({steers} its wheel)'
 
 
-def _rolling_rims(rollers: Sequence[Roller]) -> Iterator[str]:
-    """Yield which wheels have small ones on their rims, and how these lie."""
+def _rolling_rim(rollers: Sequence[Roller]) -> str:
+    """Return which wheel has small ones on its rim, and how these lie; nothing where none has."""
     for roller in rollers:
         if len(roller.beads) >= FEWEST_BEADS:
             angles = [math.acos(min(1.0, abs(float(roller.axis @ axis)))) for axis in roller.beads]
             angle = math.degrees(float(np.median(angles)))
-            yield f'{roller.joint.name} has {len(angles)} rollers at {angle:.3g} degrees'
+            return f'{roller.joint.name} has {len(angles)} rollers at {angle:.3g} degrees'
+    return ''
 
 
 def _named(robot: Robot, wanted: set[str], also: set[str]) -> list[str]:
