@@ -101,7 +101,12 @@ class GamepadNode(Node):
         told = self.gamepad.step(now - self._looked_at)
         self._looked_at = now
         if told.states and not self._is_known:
-            self._welcome()
+            self._is_known = True
+            self._keys.controls = self.gamepad.controls
+            settings = self.logic.parameters
+            hold = f': hold button {settings.enable_button} to drive'
+            hold *= settings.require_enable_button
+            self._output.say(f'gamepad {visible(self.gamepad.name)}{hold}')
         self._was_disarmed = False
         for state in told.states:
             # States from before a disarm do not drive.
@@ -205,17 +210,6 @@ class GamepadNode(Node):
             if key == STOP_KEY:
                 self.disarm()
             self._output.press(key)
-
-    def _welcome(self) -> None:
-        self._is_known = True
-        self._keys.controls = self.gamepad.controls
-        button = self.logic.parameters.enable_button
-        hold = (
-            f': hold button {button} to drive'
-            if self.logic.parameters.require_enable_button
-            else ''
-        )
-        self._output.say(f'gamepad {visible(self.gamepad.name)}{hold}')
 
     def _forget(self) -> None:
         """Be without a pad."""

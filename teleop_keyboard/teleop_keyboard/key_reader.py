@@ -135,7 +135,11 @@ class KeyReader:
         if self.terminal is not None:
             self.terminal.notice_front()
         self._ask()
-        sources = [source for source in self._decoders if self._is_readable(source)]
+        # Reading another job's terminal would stop us.
+        is_ours = self.terminal is None or self.terminal.is_ours
+        sources = [
+            each for each in self._decoders if not each.closed and (each is self.pipe or is_ours)
+        ]
         now = time.monotonic()
         if self._pending_since:
             age = now - min(self._pending_since.values())
@@ -150,7 +154,8 @@ class KeyReader:
             keys += self._decoders[self.pipe].feed(self.pipe.read())
         for source in ready:
             self._note_pending(source, restart=True)
-        for source in self._overdue():
+        oldest = time.monotonic() - SEQUENCE_TIMEOUT
+        for source in [each for each, since in self._pending_since.items() if since <= oldest]:
             keys += self._decoders[source].flush()
             self._note_pending(source, restart=False)
         return self._with_held(keys)
@@ -189,10 +194,6 @@ class KeyReader:
         if self.terminal is None:
             return None
         return TypedKeys(self._decoders[self.terminal], self._most)
-
-    def _is_readable(self, source: Source) -> bool:
-        """Whether keys may come from a source: reading another job's terminal would stop us."""
-        return not source.closed and (source is not self.terminal or self.terminal.is_ours)
 
     @property
     def _down(self) -> tuple[str, ...]:
@@ -235,10 +236,6 @@ class KeyReader:
             self._pending_since.pop(source, None)
         elif restart:
             self._pending_since[source] = time.monotonic()
-
-    def _overdue(self) -> list[Source]:
-        oldest = time.monotonic() - SEQUENCE_TIMEOUT
-        return [source for source, since in self._pending_since.items() if since <= oldest]
 
 
 def open_key_reader() -> KeyReader:

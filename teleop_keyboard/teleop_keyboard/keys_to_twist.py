@@ -175,7 +175,20 @@ class KeysToTwist:
         self.motion.mode, self.motion.share = mode, parameters.step_share
         self.motion.hold.longest = parameters.key_timeout or math.inf
         self._parameters = parameters
-        self._pace = self._pace_of(parameters)
+        # What is not set follows from what is.
+        linear = parameters.linear_accel or keymap.linear_accel
+        angular = parameters.angular_accel or keymap.angular_accel
+        linear_decel = parameters.linear_decel or linear
+        angular_decel = parameters.angular_decel or angular
+        self._pace = Pace(
+            linear_accel=linear,
+            angular_accel=angular,
+            linear_decel=linear_decel,
+            angular_decel=angular_decel,
+            linear_stop=parameters.linear_stop or linear_decel,
+            angular_stop=parameters.angular_stop or angular_decel,
+            keep_direction=parameters.keep_direction,
+        )
 
     def press(self, key: str) -> None:
         """
@@ -248,22 +261,6 @@ class KeysToTwist:
     def _idle(self) -> str:
         idle = self._parameters.idle
         return self.keymap.idle if idle == AS_PRESET else idle
-
-    def _pace_of(self, parameters: TeleopParameters) -> Pace:
-        """Return the ramps: what is not set follows from what is."""
-        linear = parameters.linear_accel or self.keymap.linear_accel
-        angular = parameters.angular_accel or self.keymap.angular_accel
-        linear_decel = parameters.linear_decel or linear
-        angular_decel = parameters.angular_decel or angular
-        return Pace(
-            linear_accel=linear,
-            angular_accel=angular,
-            linear_decel=linear_decel,
-            angular_decel=angular_decel,
-            linear_stop=parameters.linear_stop or linear_decel,
-            angular_stop=parameters.angular_stop or angular_decel,
-            keep_direction=parameters.keep_direction,
-        )
 
     def _is_due(self, dt: float) -> bool:
         """Tell whether a command is to be published now, `dt` after the step before."""

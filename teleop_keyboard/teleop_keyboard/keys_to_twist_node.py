@@ -73,11 +73,6 @@ class KeysToTwistNode(Node):
             self._send(STANDSTILL)
         self.output.wait_for_all_acked(LAST_WORDS_TIMEOUT)
 
-    def stop(self) -> None:
-        """Stop without a ramp, now."""
-        self.logic.stop()
-        self.step(0.0)
-
     def _on_key(self, message: String) -> None:
         if self._timer is None:
             self.logic.press(message.data)

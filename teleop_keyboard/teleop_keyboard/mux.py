@@ -147,7 +147,9 @@ class Mux:
         alive = [
             source
             for source in self._sources.values()
-            if source.priority > 0 and source.priority >= barrier and self._is_alive(source)
+            if source.priority >= max(barrier, 1)
+            and (heard := self._heard.get(source.name)) is not None
+            and (source.timeout == 0.0 or self._now - heard <= source.timeout)
         ]
         # max() keeps the first of equals.
         chosen = max(alive, key=lambda source: source.priority).name if alive else ''
@@ -155,7 +157,3 @@ class Mux:
         overruled = previous in {source.name for source in alive}
         if previous and not overruled:
             self._zero_is_due = True
-
-    def _is_alive(self, source: MuxInput) -> bool:
-        heard = self._heard.get(source.name)
-        return heard is not None and (source.timeout == 0.0 or self._now - heard <= source.timeout)

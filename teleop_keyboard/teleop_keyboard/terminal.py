@@ -239,7 +239,14 @@ class Terminal(Source):
         with contextlib.suppress(termios.error, OSError):
             if self._saved is None:
                 self._saved = termios.tcgetattr(self._descriptor)
-            self._set_attributes(_raw_of(self._saved))
+            saved = self._saved
+            raw = [*saved[:CONTROL_CHARACTERS], list(saved[CONTROL_CHARACTERS])]
+            # IXON and IEXTEN would swallow Ctrl-S, Ctrl-Q and Ctrl-V; ICRNL hide what ENTER is.
+            raw[INPUT_FLAGS] &= ~(termios.IXON | termios.ICRNL | termios.INLCR | termios.IGNCR)
+            raw[LOCAL_FLAGS] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
+            raw[CONTROL_CHARACTERS][termios.VMIN] = 0  # read_ready tells why
+            raw[CONTROL_CHARACTERS][termios.VTIME] = 0
+            self._set_attributes(raw)
             self._raw = termios.tcgetattr(self._descriptor)
 
     def _install_handlers(self) -> None:
@@ -318,17 +325,6 @@ def tolerate_any_text() -> None:
     """Let standard output show what its encoding lacks as `?`, instead of failing."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors='replace')
-
-
-def _raw_of(saved: list[Any]) -> list[Any]:
-    """Return the attributes of raw mode of a terminal that has these."""
-    attributes = [*saved[:CONTROL_CHARACTERS], list(saved[CONTROL_CHARACTERS])]
-    # IXON and IEXTEN would swallow Ctrl-S, Ctrl-Q and Ctrl-V; ICRNL would hide what ENTER is.
-    attributes[INPUT_FLAGS] &= ~(termios.IXON | termios.ICRNL | termios.INLCR | termios.IGNCR)
-    attributes[LOCAL_FLAGS] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
-    attributes[CONTROL_CHARACTERS][termios.VMIN] = 0  # read_ready tells why
-    attributes[CONTROL_CHARACTERS][termios.VTIME] = 0
-    return attributes
 
 
 def _is_dumb() -> bool:

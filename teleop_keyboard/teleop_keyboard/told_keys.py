@@ -52,7 +52,10 @@ class ToldKeys:
             self._left = REPEAT_TIMEOUT
         else:
             self._since_press = 0.0
-            self._left = self._first_timeout
+            # One late delivery does not make a slow keyboard.
+            delay, self._left = min(self._delays), FIRST_REPEAT_TIMEOUT
+            if delay > FIRST_REPEAT_TIMEOUT:
+                self._left = min(DELAY_FACTOR * delay + DELAY_MARGIN, LONGEST_FIRST_TIMEOUT)
         self._last = place
         before = self._down.pop(place, name)
         self._down[place] = name
@@ -90,11 +93,3 @@ class ToldKeys:
             return []
         is_lost = self._last in self._down
         return [*self.forget(), *([STOP_KEY] if is_lost else [])]
-
-    @property
-    def _first_timeout(self) -> float:
-        """How long a press counts [s]; one late delivery does not make a slow keyboard."""
-        delay = min(self._delays)
-        if delay <= FIRST_REPEAT_TIMEOUT:
-            return FIRST_REPEAT_TIMEOUT
-        return min(DELAY_FACTOR * delay + DELAY_MARGIN, LONGEST_FIRST_TIMEOUT)

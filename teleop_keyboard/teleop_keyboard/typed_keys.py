@@ -108,16 +108,12 @@ class TypedKeys:
         """Return the keys of `data` that came within `dt` [s], maybe none, and what has ended."""
         self._decoder.step(dt)
         keys = self._decoder.feed(self._pastes.strip(data, dt))
-        return self._without_text(keys, dt) + self._decoder.give_up()
-
-    def _without_text(self, keys: list[str], dt: float) -> list[str]:
-        """Return keys where somebody may have typed them within `dt` [s], else a stop."""
         was_text = self._speed.is_exceeded
-        if not self._speed.take(sum(map(is_press, keys)), dt):
-            return keys
-        ends = self._decoder.forget_down()
-        signals = [key for key in keys if key in SIGNAL_KEYS]
-        if was_text:
-            return signals
-        self._floods += 1
-        return [*ends, STOP_KEY, *signals]
+        if self._speed.take(sum(map(is_press, keys)), dt):
+            # Nobody has typed that.
+            ends = self._decoder.forget_down()
+            keys = [key for key in keys if key in SIGNAL_KEYS]
+            if not was_text:
+                self._floods += 1
+                keys = [*ends, STOP_KEY, *keys]
+        return keys + self._decoder.give_up()

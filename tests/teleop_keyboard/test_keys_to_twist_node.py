@@ -78,7 +78,8 @@ def test_a_stop_is_handed_over_without_time_passing(make_node):
     node = make_node()
     node.keys.hear(String(data='i'))
     node.step(0.3)
-    node.stop()
+    node.logic.stop()
+    node.step(0.0)
     assert from_twist(node.received[-1]) == STANDSTILL
 
 
