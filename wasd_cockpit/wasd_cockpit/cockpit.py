@@ -172,7 +172,13 @@ class Cockpit:
         page.snapshot = page.link.snapshot
         size = imgui.GetIO().DisplaySize
         page.layout.resize(size.x, size.y)
-        self._watch_buttons(page_input.may_hold)
+        # No button counts that ImGui has down since before it may, or before a silence.
+        before, self._began = self._began, time.monotonic()
+        # ImGui hears of its end a frame late.
+        if not page_input.may_hold or self._began > before + SILENCE:
+            self._is_ghost = True
+        elif not imgui.IsAnyMouseDown():
+            self._is_ghost = False
         page.is_live = not self._is_ghost
         page.widgets.begin()
         page.widgets.scale = 1.0 if page.layout.is_desk else TOUCH_SCALE
@@ -186,15 +192,6 @@ class Cockpit:
         page.link.hold(page.held, page.push)
         self.frames += 1
         self.cpu_time += time.thread_time() - self._cpu_began
-
-    def _watch_buttons(self, may_hold: bool) -> None:
-        """Let no button count that ImGui has down since before it may, or before a silence."""
-        before, self._began = self._began, time.monotonic()
-        # ImGui hears of its end a frame late.
-        if not may_hold or self._began > before + SILENCE:
-            self._is_ghost = True
-        elif not imgui.IsAnyMouseDown():
-            self._is_ghost = False
 
     def _draw_windows(self) -> None:
         """Draw the empty windows, with what is to be chosen in each."""
@@ -234,7 +231,10 @@ class Cockpit:
                 imgui.BeginChild(name)
             self._panels[name].draw(page, page.snapshot)
             if name in _SCROLLED:
-                _scroll_by_hand()
+                # A finger that drags beside what it presses moves what is longer than its window.
+                is_beside = imgui.IsWindowHovered() and not imgui.IsAnyItemActive()
+                if is_beside and imgui.IsMouseDragging(0):
+                    imgui.SetScrollY(imgui.GetScrollY() - imgui.GetIO().MouseDelta.y)
                 imgui.EndChild()
         imgui.End()
 
@@ -296,9 +296,3 @@ class Cockpit:
             return ''
         # A phone's window is as large as it is.
         return SLOW_PAGE if self.page.layout.is_desk else SLOW_PAGE.partition(':')[0]
-
-
-def _scroll_by_hand() -> None:
-    """Move what is longer than its window with a finger that drags beside what it presses."""
-    if imgui.IsWindowHovered() and imgui.IsMouseDragging(0) and not imgui.IsAnyItemActive():
-        imgui.SetScrollY(imgui.GetScrollY() - imgui.GetIO().MouseDelta.y)

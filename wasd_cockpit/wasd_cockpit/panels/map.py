@@ -68,7 +68,12 @@ class Map:
         view = FloorView(rect, pose, REACHES[self.zoom])
         if navigation is not None:
             self._paint_map(page, navigation, rect, view)
-        self._take_goal(page, snapshot, view, is_held)
+        # A click is a goal; a drag from there is the way to look.
+        drag = self._dragging.step(
+            is_held, snapshot.robot, lambda x, y: view.to_floor(x, y) if navigation else None
+        )
+        if drag is not None and page.is_live:
+            page.link.order(Order.goal(*drag))
         paint_grid(rect, view)
         points, trail = page.sight.seen.points, snapshot.trail
         if navigation is not None:
@@ -107,17 +112,6 @@ class Map:
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
         return rect, is_held
-
-    def _take_goal(
-        self, page: PageState, snapshot: Snapshot, view: FloorView, is_held: bool
-    ) -> None:
-        """Order a goal where the floor is clicked; a drag from there is the way to look."""
-        has_map = snapshot.navigation is not None
-        drag = self._dragging.step(
-            is_held, snapshot.robot, lambda x, y: view.to_floor(x, y) if has_map else None
-        )
-        if drag is not None and page.is_live:
-            page.link.order(Order.goal(*drag))
 
     def _paint_map(
         self, page: PageState, navigation: Navigation, rect: Rect, view: FloorView
