@@ -590,7 +590,6 @@ def read():
 
 def test_goals_and_a_name_to_save_ask_for_a_map(read):
     assert read().map is None
-    assert not read().navigates
     for words in (('--map',), ('--goal', '1 2'), ('--save-map', 'house')):
         assert read(*words).map == ''
     (goal,) = read('--goal', '1 -2.5').goals
@@ -646,7 +645,7 @@ def test_a_map_that_is_not_there_and_a_goal_for_two_robots_are_refused(read):
         read('--map', 'nowhere.yaml')
     with pytest.raises(UserError, match='--map /: not a file'):
         read('--map', '/')
-    assert read('--map', both=True).navigates
+    assert read('--map', both=True).map is not None
     for words in (('--goal', '1 2'), ('--save-map', 'house')):
         with pytest.raises(UserError, match='for one robot'):
             read(*words, both=True)

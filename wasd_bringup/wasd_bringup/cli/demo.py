@@ -211,8 +211,12 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         report = run.report()
         if pictures and stop.viewpoint is not None:
             path = folder / f'{stop.name}.png'
-            # Traces lie on the floor.
-            traces = () if stop.eyes else _traces(report['samples'])
+            # Odometry white and, just above it, the true path orange, thinner in time. Traces lie
+            # on the floor.
+            samples = report['samples']
+            odometry = np.array([[x, y, 0.002] for x, y, _ in samples['odom'][::5]])
+            truth = np.array([[x, y, 0.006] for x, y, _ in samples['position'][::15]])
+            traces = () if stop.eyes else (Trace(odometry, WHITE), Trace(truth, ORANGE))
             take_picture(run.world, stop.viewpoint, path, traces)
         for navigation in run.navigations:
             draw_navigation(navigation, report, folder / f'{stop.name}_map.png')
@@ -226,13 +230,6 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         return summarise(stop.title, report)
     finally:
         run.close()
-
-
-def _traces(samples: dict[str, Any]) -> tuple[Trace, Trace]:
-    """Draw odometry white and, just above it, the true path orange, thinner in time."""
-    odometry = np.array([[x, y, 0.002] for x, y, _ in samples['odom'][::5]])
-    truth = np.array([[x, y, 0.006] for x, y, _ in samples['position'][::15]])
-    return Trace(odometry, WHITE), Trace(truth, ORANGE)
 
 
 def summarise(title: str, report: dict[str, Any]) -> Result:

@@ -26,7 +26,7 @@ from wasd_core.network import LAST_DOMAIN
 from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.safe_files import read_file
 
-from wasd_bringup.robots import BOTH, LEGS, LEGS_ALONE, MODES, POLICY, RobotRow, ROBOTS, WHEELS
+from wasd_bringup.robots import BOTH, LEGS, LEGS_ALONE, MODES, POLICY, ROBOTS, WHEELS
 from wasd_bringup.run.inputs import parse_box, parse_goal, parse_push, parse_twist_script
 from wasd_bringup.run.options import AFTERGLOW, RANGES, RunOptions, SCANS
 
@@ -77,13 +77,6 @@ class Option:
     def attribute(self) -> str:
         """The attribute of argparse's namespace."""
         return self.word.removeprefix('--').replace('-', '_')
-
-    def add_to(self, parser: argparse.ArgumentParser, row: RobotRow | None) -> None:
-        """Declare it for the command of a robot, or of several."""
-        facts = {} if row is None else vars(row)
-        default = facts.get(self.usual) if self.usual else None
-        words = self.help.format_map(facts) if self.usual else self.help
-        parser.add_argument(self.word, default=default, help=words, **self.how)
 
 
 def read_text(path: str, word: str) -> str:
@@ -598,8 +591,11 @@ def options_of(command: str) -> list[Option]:
 def add_run_options(parser: argparse.ArgumentParser, command: str) -> None:
     """Declare the options of a command that runs robots."""
     parser.set_defaults(robot=command)
+    facts = vars(ROBOTS[command]) if command in ROBOTS else {}
     for option in options_of(command):
-        option.add_to(parser, ROBOTS.get(command))
+        default = facts.get(option.usual) if option.usual else None
+        words = option.help.format_map(facts) if option.usual else option.help
+        parser.add_argument(option.word, default=default, help=words, **option.how)
 
 
 def read_options(arguments: argparse.Namespace) -> RunOptions:
@@ -629,7 +625,9 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         fields['duration'] = AFTERGLOW + max(times, default=0.0)
     _check_outputs(arguments, options)
     _check_navigation(options)
-    _check_interface(arguments, options)
+    for word in ('domain', 'network', 'sync'):
+        if options.interface is None and getattr(arguments, word, None):
+            raise UserError(f'--{word} is for --interface unitree')
     return RunOptions(robot=robot, untold=options.untold, **fields)
 
 
@@ -658,14 +656,6 @@ def _check_navigation(options: RunOptions) -> None:
             '--map FILE, --keepout, --save-map and --goal are for one robot: wasd go2, or '
             'wasd mbot (wasd both takes --map alone: each robot makes a map of its own)'
         )
-
-
-def _check_interface(arguments: argparse.Namespace, options: RunOptions) -> None:
-    if options.interface is not None:
-        return
-    for word in ('domain', 'network', 'sync'):
-        if getattr(arguments, word, None):
-            raise UserError(f'--{word} is for --interface unitree')
 
 
 def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:

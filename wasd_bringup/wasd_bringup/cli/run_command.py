@@ -46,7 +46,10 @@ def run_command(
     never_wait()
     environment = dict(os.environ)
     options = read_options(arguments)
-    reader = _open_keys(options)
+    reader = None  # where scripts drive, or there is nothing to read
+    if not options.scripted:
+        with contextlib.suppress(NoTerminal):
+            reader = open_key_reader()
     viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
     is_deaf = reader is None and viewer == 'none' and not options.has_guests
     if is_deaf and options.duration == math.inf:
@@ -172,16 +175,6 @@ def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:
 def _where_to_say(options: RunOptions) -> TextIO:
     """Return where words go: not between the data of an output that is sent to standard output."""
     return sys.stderr if options.prints_data else sys.stdout
-
-
-def _open_keys(options: RunOptions) -> KeyReader | None:
-    """Return where keys come from; None when scripts drive or when there is nothing to read."""
-    if options.scripted:
-        return None
-    try:
-        return open_key_reader()
-    except NoTerminal:
-        return None
 
 
 def _is_interactive(reader: KeyReader | None) -> bool:

@@ -180,7 +180,10 @@ class CockpitBridge:
         if now < self._next:
             return
         self._next = now + SNAPSHOT_EVERY * period
-        self._follow_stick()
+        stick = self._link.stick
+        if stick is not None and not self._is_ignored:
+            self._driven = self._run.active
+            self._move(self._driven, stick)
         self._push()
         self._link.snapshot = self._snapshot(now)
 
@@ -259,13 +262,6 @@ class CockpitBridge:
             self.let_go()
         if self._pushed is not None and (link.push is None or self._pushed != active):
             self._push()
-
-    def _follow_stick(self) -> None:
-        """Do what the stick says."""
-        stick = self._link.stick
-        if stick is not None and not self._is_ignored:
-            self._driven = self._run.active
-            self._move(self._driven, stick)
 
     def _repeat(self) -> None:
         """Drive at the stick's last velocity again: it counts for a simulated time only."""

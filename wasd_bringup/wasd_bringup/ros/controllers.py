@@ -39,7 +39,10 @@ class ControllerFace:
     def __init__(self, robot: Robot, node: Any = None) -> None:
         """Take a robot, and the node of its controller, which has `cmd_vel`."""
         self.robot, namespace = robot, robot.options.namespace
-        self.node = node or _plain_node(robot)
+        if node is None:  # this controller has none
+            node = Node(robot.kind.controller, namespace=namespace)
+            node.cmd_vel = VelocitySubscription(node, functools.partial(robot.follow, 'cmd_vel'))
+        self.node = node
         twist_type = self.node.cmd_vel.type
         self.nodes: list[Node] = [self.node]
         self.key_inputs: list[LoopbackSubscription[String]] = []
@@ -52,13 +55,8 @@ class ControllerFace:
             self.nodes.append(teleop)
             self.key_inputs.append(teleop.keys)
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
+        self.command_topic: str = self._twists.topic_name  # of velocities, by its full name
         robot.on_velocity.append(self._tell_velocity)
-
-    @property
-    def command_topic(self) -> str:
-        """The topic of velocities, by its full name."""
-        topic: str = self._twists.topic_name
-        return topic
 
     def admit(self) -> None:
         """Ask the robot whether a key of another process counts, and give it the velocities."""
@@ -99,13 +97,6 @@ class ControllerFace:
 
     def _to_message(self, told: FullVelocity) -> Any:
         return to_twist(*told)
-
-
-def _plain_node(robot: Robot) -> Any:
-    """Return a node that takes cmd_vel for a robot whose controller has none."""
-    node: Any = Node(robot.kind.controller, namespace=robot.options.namespace)
-    node.cmd_vel = VelocitySubscription(node, functools.partial(robot.follow, 'cmd_vel'))
-    return node
 
 
 class LegsFace(ControllerFace):

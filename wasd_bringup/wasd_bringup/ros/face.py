@@ -82,12 +82,6 @@ class RosFace:
         if world.prefix:
             self._say_where_it_begins()
 
-    @property
-    def key_topic(self) -> str:
-        """Where its keys are, by the full name."""
-        topic: str = self.keys.resolve_topic_name('keys')
-        return topic
-
     def watch_keyboards(self, lose: Callable[[], None]) -> None:
         """Call `lose` when the last keyboard of others is gone and its keys move the robot."""
 
@@ -119,7 +113,7 @@ class RosFace:
         options, world = self.robot.options, self.robot.world
         start = Pose(np.array([*world.setup.place, 0.0]), np.eye(3))
         # A frame has one parent: that of odometry is a navigator's map, where there is one.
-        frame = f'{world.prefix}{"map" if options.navigates else "odom"}'
+        frame = f'{world.prefix}{"odom" if options.map is None else "map"}'
         self._static = TfBroadcaster(self.simulator, static=True)
         self._static.send([to_transform(start, WORLD_FRAME, frame, TimeMessage())])
 
@@ -226,7 +220,11 @@ class RosFaces(Face):
 
             self._foxglove.now = self._nanoseconds
             targets = [
-                Target(face.robot, face.controller.command_topic, face.key_topic)
+                Target(
+                    face.robot,
+                    face.controller.command_topic,
+                    face.keys.resolve_topic_name('keys'),
+                )
                 for face in self.faces
             ]
             self._foxglove.drive(targets, self.nodes)

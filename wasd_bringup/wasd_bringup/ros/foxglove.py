@@ -151,12 +151,8 @@ class FoxgloveServer:
             reason = os.strerror(error.errno or 0).lower()
             taken = f'--foxglove: port {port} of {LOOPBACK}: {reason}; give another'
             raise UserError(taken) from None
+        self.port = self._gate.port
         self._tap = PublisherTap(self._hear, self._wants)
-
-    @property
-    def port(self) -> int:
-        """Where it serves."""
-        return self._gate.port
 
     def offer(self, nodes: Iterable[Node]) -> None:
         """Tell clients of every topic that these nodes publish, with its definition."""

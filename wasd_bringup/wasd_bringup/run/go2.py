@@ -90,18 +90,13 @@ class Go2(Robot):
         if options.eyes and mapper is None:
             raise UserError(LIDAR_NEEDED.format(option='--eyes', robot=loaded.robot.name))
         if getattr(walker, 'has_height_scan', False):
-            self._show_heights(walker)
+            if options.height_scan == TRUE_SCAN:
+                walker.heights = partial(_true_scan, world)
+            elif mapper is None:
+                said = LIDAR_NEEDED.format(option='--policy', robot=loaded.robot.name)
+                raise UserError(f'{said}; or give --height-scan truth')
         self.elevation.wanted_by.append(lambda: self.legs.wants_map)
         self.legs.see(None if mapper is None else mapper.elevation)
-
-    def _show_heights(self, player: Any) -> None:
-        """Show a network the heights around the robot: those that it has mapped, or the true."""
-        if self.options.height_scan == TRUE_SCAN:
-            player.heights = partial(_true_scan, self.world)
-        elif self.elevation.mapper is None:
-            name = self.description.robot.name
-            said = LIDAR_NEEDED.format(option='--policy', robot=name)
-            raise UserError(f'{said}; or give --height-scan truth')
 
     def prepare(self) -> None:
         """Apply the settings, before anything is scheduled."""
@@ -110,7 +105,15 @@ class Go2(Robot):
         delay = self.world.sensor_delay * self.world.time_step
         self._lead = math.ceil(delay / self.period - ROUNDING) * self.period
         self.feet = _feet(self.legs.controller.model.geometry)
-        self.legs.controller.words = self._key_words()
+        keys = () if self.logic is None else self.logic.keymap.keys
+        self.legs.controller.words = KeyWords(
+            drive=StateName.TROTTING if self.logic is None else StateName.MOVE_BASE,
+            elsewhere=frozenset(on_qwerty(key, self.options.layout) for key in keys),
+            reset_key=RESET_KEY,
+            help_key=HELP_KEY,
+            policy='--policy FILE',
+            name=self.named,
+        )
 
     @property
     def given(self) -> dict[str, Any]:
@@ -366,18 +369,6 @@ class Go2(Robot):
         is_ours = legs_key not in STATE_KEYS and is_press(key)
         if self._hints and self.state in FOLLOWING and is_ours and is_pressed:
             self.notice.say(self._hints.press(key))
-
-    def _key_words(self) -> KeyWords:
-        """Return the legs' words about keys, some of which may belong to the keymap."""
-        keys = () if self.logic is None else self.logic.keymap.keys
-        return KeyWords(
-            drive=StateName.TROTTING if self.logic is None else StateName.MOVE_BASE,
-            elsewhere=frozenset(on_qwerty(key, self.options.layout) for key in keys),
-            reset_key=RESET_KEY,
-            help_key=HELP_KEY,
-            policy='--policy FILE',
-            name=self.named,
-        )
 
 
 def _true_scan(world: World) -> np.ndarray:

@@ -7,7 +7,6 @@ from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.traversability import Traversability
 
 from wasd_bringup.run.go2 import Go2
-from wasd_bringup.run.robot import Robot
 
 # The highest step that a Go2 climbs by sight [m], one after another; see docs/legs_math.md.
 CLIMB = 0.17
@@ -44,10 +43,3 @@ class Ground:
         locator = navigator.locator
         resolution = locator.grid.resolution
         self.judged.take(heights, first * cell, cell, float(floor), locator.correction, resolution)
-
-
-def ground_of(robot: Robot, unit: RobotNavigator) -> Ground | None:
-    """Return what a robot's navigator will know of the ground; None without heights."""
-    if isinstance(robot, Go2) and robot.elevation.mapper is not None:
-        return Ground(robot, unit)
-    return None

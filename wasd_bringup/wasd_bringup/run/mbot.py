@@ -189,17 +189,22 @@ class Mbot(Robot):
 
     def control(self) -> None:
         """Step the controller on the present state, and give its command to the world."""
-        if self.drive_unit.is_fake:
-            self._drive_fake()
+        unit = self.drive_unit
+        if unit.is_fake:  # it moves without physics, and is shown in the world
+            unit.step_fake(self.period)
+            x, y, yaw, linear, angular, lateral = unit.fake.pose
+            states = zip(*map(unit.flip, (unit.fake.angles, unit.fake.speeds)), strict=True)
+            pose = PlanarPose(x, y, yaw, linear, lateral, angular)
+            place_robot(self.world, pose, dict(zip(self._wheels, states, strict=True)))
             return
         left, right = self.world.data.qpos[self._places].tolist()
         # Other motors than the wheels' stay limp: their columns are zero.
-        command = self.drive_unit.control(left, right, self.period)
+        command = unit.control(left, right, self.period)
         for row, part in zip(self._command, command, strict=True):
             row[self._motors] = part
         self.world.apply(JointCommand(*self._command))
         ahead, _, turn = self.world.base().planar_velocity.tolist()
-        self.drive_unit.watch(ahead, turn, self.period)
+        unit.watch(ahead, turn, self.period)
 
     def reset(self) -> None:
         """Forget the past: commands, ramps, odometry."""
@@ -243,12 +248,3 @@ class Mbot(Robot):
         super()._press(key, is_pressed)
         if is_press(key) and is_pressed:
             self.notice.say(self._hints.press(key))
-
-    def _drive_fake(self) -> None:
-        """Move the robot without physics, and show it in the world."""
-        unit = self.drive_unit
-        unit.step_fake(self.period)
-        x, y, yaw, linear, angular, lateral = unit.fake.pose
-        states = zip(*map(unit.flip, (unit.fake.angles, unit.fake.speeds)), strict=True)
-        pose = PlanarPose(x, y, yaw, linear, lateral, angular)
-        place_robot(self.world, pose, dict(zip(self._wheels, states, strict=True)))

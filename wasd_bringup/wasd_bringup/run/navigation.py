@@ -18,7 +18,8 @@ from wasd_navigation.records import Grid
 from wasd_navigation.robot_navigator import RobotNavigator
 from wasd_navigation.waypoints import Waypoints
 
-from wasd_bringup.run.ground import ground_of
+from wasd_bringup.run.go2 import Go2
+from wasd_bringup.run.ground import Ground
 from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.robot import Robot
 from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, margin_of, size_of
@@ -71,7 +72,9 @@ class NavigationDriver:
         self.unit.say = robot.say
         self.unit.refusal = lambda: robot.refusal
         robot.simulation.on_reset += [self.unit.reset, lambda: self._cancel('a reset')]
-        self._ground = ground_of(robot, self.unit)
+        self._ground: Ground | None = None
+        if isinstance(robot, Go2) and robot.elevation.mapper is not None:
+            self._ground = Ground(robot, self.unit)
         robot.drivers.on_take.append(self._give_way)
         listen_to_lidar(robot, tag, self.unit.senses, self._tell_odometry)
 

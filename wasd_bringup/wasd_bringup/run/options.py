@@ -99,11 +99,6 @@ class RunOptions:
         return self.keys is not None or self.twists is not None
 
     @property
-    def navigates(self) -> bool:
-        """Whether the robot maps, or finds its way in a map."""
-        return self.map is not None
-
-    @property
     def prints_data(self) -> bool:
         """Whether standard output is a file of data, between which no words may come."""
         outputs = (self.record, self.report, self.save_keys)

@@ -151,7 +151,7 @@ class Run:
 
     def _make_navigations(self) -> 'list[NavigationDriver]':
         """Return a navigator of each robot, if the options ask for a map."""
-        if not self.options.navigates:
+        if self.options.map is None:
             return []
         # Here, because few runs need it.
         from wasd_bringup.run.navigation import NavigationDriver

@@ -64,12 +64,6 @@ class DrivenSquares(NamedTuple):
     runs: list[SquareRun]
     geometry: DiffDriveGeometry
 
-    @property
-    def believed(self) -> Wheels:
-        """The wheels of that geometry."""
-        geometry = self.geometry
-        return Wheels(geometry.left_radius, geometry.right_radius, geometry.wheel_separation)
-
 
 def drive_squares(
     test: SquareTest,
@@ -252,7 +246,8 @@ def report(
     test: SquareTest, before: DrivenSquares, first: Umbmark, second: Umbmark
 ) -> Sequence[str]:
     """Return a table: the values believed, those by UMBmark, and those by least squares."""
-    believed, exact = before.believed, least_squares(before.runs)
+    wheels, exact = before.geometry, least_squares(before.runs)
+    believed = Wheels(wheels.left_radius, wheels.right_radius, wheels.wheel_separation)
     columns = (believed, first.correct(believed), exact)
     rows: list[tuple[str, ...]] = [('', 'believed', 'UMBmark', 'least squares')]
     for name, index in (('left radius', 0), ('right radius', 1), ('wheel separation', 2)):

@@ -75,7 +75,7 @@ def field_of(message: Any, path: str) -> Any:
     found = message
     for part in path.split('.'):
         match = re.fullmatch(r'(\w+)((?:\[-?\d+\])*)', part)
-        names = _field_names(found)
+        names = list(getattr(found, 'get_fields_and_field_types', dict)())
         if match is None or match[1] not in names:
             kind = type(found).__name__
             raise UserError(f'--field {path}: {kind} has no {part!r}{suggest(part, names)}')
@@ -105,11 +105,6 @@ def fill(message: Any, values: Any, find_type: FindType, where: str = '') -> Non
             raise UserError(f'{kind} has no field {name!r}{suggest(str(name), list(types))}')
         place = f'{where}.{name}' if where else name
         setattr(message, name, _from_plain(value, types[name], words[name], find_type, place))
-
-
-def _field_names(value: Any) -> list[str]:
-    fields: dict[str, str] = getattr(value, 'get_fields_and_field_types', dict)()
-    return list(fields)
 
 
 def _from_plain(value: Any, kind: Any, words: str, find_type: FindType, where: str) -> Any:
