@@ -26,8 +26,6 @@ from teleop_keyboard.twist_messages import TwistOutput
 
 # The thread that waits for the pad goes on when nobody has looked for so long [s].
 PATIENCE = 0.5
-# The zero that ends it all may take this long to leave [s].
-LAST_WORDS_TIMEOUT = 0.25
 FRAME_ID = 'base_footprint'
 # As the `joy` drivers call it.
 JOY_FRAME = 'joy'
@@ -149,7 +147,7 @@ class GamepadNode(Node):
         self._end_watch()
         self._stop()
         if self._twists is not None:
-            self._twists.wait_for_all_acked(LAST_WORDS_TIMEOUT)
+            self._twists.see_off()
         self.gamepad.close()
 
     def _publish_all(self, is_stamped: bool) -> PadOutput:

@@ -18,9 +18,8 @@ from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL, Velocity
 from teleop_keyboard.parameters import keys_to_twist, TeleopParameters
 from teleop_keyboard.twist_messages import TwistOutput
 
-# The zero that ends it all is sent this often, and may take this long to leave [s].
+# The zero that ends it all is sent this often.
 LAST_ZEROS = 3
-LAST_WORDS_TIMEOUT = 0.25
 
 
 class KeysToTwistNode(Node):
@@ -71,7 +70,7 @@ class KeysToTwistNode(Node):
         self.logic.stop()
         for _ in range(LAST_ZEROS):
             self._send(STANDSTILL)
-        self.output.wait_for_all_acked(LAST_WORDS_TIMEOUT)
+        self.output.see_off()
 
     def _on_key(self, message: String) -> None:
         if self._timer is None:

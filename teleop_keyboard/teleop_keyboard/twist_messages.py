@@ -15,6 +15,8 @@ from wasd_core.velocity_messages import stamped, twist_of
 
 from teleop_keyboard.keys_to_twist import Velocity
 
+# The zero that ends it all may take this long to leave [s].
+LAST_WORDS_TIMEOUT = 0.25
 # The marker floats so high above the robot, as twist_mux's, and is so thick [m].
 MARKER_HEIGHT = 2.0
 MARKER_WIDTH = 0.1
@@ -84,6 +86,6 @@ class TwistOutput:
             receiver(message)
         self._publisher.publish(message)
 
-    def wait_for_all_acked(self, seconds: float) -> None:
+    def see_off(self) -> None:
         """Give the last messages the time to leave the process."""
-        self._publisher.wait_for_all_acked(Duration(seconds=seconds))
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))

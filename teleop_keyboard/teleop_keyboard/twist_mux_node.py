@@ -46,7 +46,6 @@ ROW_FIELDS = {
         'priority': 'A closed lock stops every source of a lower priority',
     },
 }
-LAST_WORDS_TIMEOUT = 0.3
 
 
 class TwistMuxNode(Node):
@@ -104,7 +103,7 @@ class TwistMuxNode(Node):
         """Leave the robot stopped, if we are who drives it."""
         if self.mux.selected:
             self._send(Twist())
-            self.output.wait_for_all_acked(LAST_WORDS_TIMEOUT)
+            self.output.see_off()
 
     def _now(self) -> float:
         """Return the node's time [s]: time-outs are simulated time where there is such."""
