@@ -149,11 +149,6 @@ class KeyHints:
         return bool(values) and all(values)
 
 
-def asks_for_help(key: str, keymap: Keymap) -> bool:
-    """Return whether a key shows the keys, and means nothing to the keymap."""
-    return key in HELP_KEYS and key not in keymap.keys
-
-
 # Above the status line there is a dashboard in a window wider and taller than this.
 NARROW, LOW = 80, 20
 # A dashboard is no wider than one can look at.

@@ -22,9 +22,9 @@ from wasd_core.topics import LATCHED, LATEST
 
 from teleop_keyboard import parameters
 from teleop_keyboard.dashboard import (
-    asks_for_help,
     dashboard,
     HELP_KEY,
+    HELP_KEYS,
     KeyHints,
     plain_line,
     Surroundings,
@@ -125,7 +125,7 @@ class Teleop:
         if not is_press(key):
             return
         keymap = self.twist.logic.keymap
-        if not asks_for_help(key, keymap):
+        if key not in HELP_KEYS or key in keymap.keys:
             self._shows_help = False
             self._notice.say(self._hints.press(key))
         elif screen.is_terminal:

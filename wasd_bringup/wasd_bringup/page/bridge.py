@@ -124,7 +124,7 @@ class CockpitBridge:
             for robot, navigation in zip(run.robots, navigations, strict=True)
         ]
         for watched in self._watched:
-            watched.view.map_while(partial(self._is_looked_at, watched))
+            watched.view.is_looked_at = partial(self._is_looked_at, watched)
         self._next = 0.0
         self._pressed: dict[str, float] = {}
         self._now = 0.0

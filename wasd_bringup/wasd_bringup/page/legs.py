@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped in the cockpit: its states as buttons, the stick by the keys of its sticks."""
 
-from collections.abc import Callable
 import math
 
 import numpy as np
@@ -33,16 +32,15 @@ class LegsView(RobotView):
     """A quadruped's leg controller."""
 
     def __init__(self, robot: Go2) -> None:
-        self._robot = robot
+        super().__init__(robot)
         self._controller = robot.legs.controller
         self.feet = LEGS
-        self._is_looked_at: Callable[[], bool] = lambda: False
         # Of the map: clouds in it, the last one's time [s]; what the page was shown of it.
         self._clouds, self._mapped_at = 0, math.inf
         self._shown: Elevation | None = None
         if robot.elevation.mapper is not None:
             self.no_elevation = ''
-            robot.elevation.wanted_by.append(lambda: self._is_looked_at())
+            robot.elevation.wanted_by.append(lambda: self.is_looked_at())
             robot.elevation.on_map.append(self._count_cloud)
 
     def settings(self) -> tuple[Setting, ...]:
@@ -89,7 +87,7 @@ class LegsView(RobotView):
         full = (limits.forward, limits.lateral, limits.yaw)
         if state == StateName.POLICY:
             return StickUse(full, 'drives the policy', backward=limits.backward)
-        if self._drives_by_velocity or state == StateName.TROTTING:
+        if state == StateName.MOVE_BASE or state == StateName.TROTTING:
             words = f'drives, gait {controller.gait}'
             return StickUse(full, words, backward=limits.backward)
         wanted = controller.words.drive
@@ -98,7 +96,7 @@ class LegsView(RobotView):
 
     def stick_keys(self, stick: Stick) -> tuple[str, ...] | None:
         """Return the keys that bring the sticks there, None where velocities drive."""
-        if self._drives_by_velocity or self._robot.logic is not None:
+        if self._controller.state == StateName.MOVE_BASE or self._robot.logic is not None:
             return None
         if self._controller.lies_fallen:
             return ()  # they would be asked for again and again, and never get there
@@ -161,10 +159,6 @@ class LegsView(RobotView):
         # They are where the controller believes the ground to be; its error is the same as ours.
         return np.asarray((aims - robot.base.position) @ robot.base.R @ rotation.T + place)
 
-    def map_while(self, is_looked_at: Callable[[], bool]) -> None:
-        """Map the elevation while the page looks at it."""
-        self._is_looked_at = is_looked_at
-
     def elevation(self) -> Elevation | None:
         """Return the heights around it, and where its feet are and will be."""
         controller, mapper = self._controller, self._robot.elevation.mapper
@@ -189,7 +183,3 @@ class LegsView(RobotView):
 
     def _count_cloud(self, elevation: ElevationMap, now: float) -> None:
         self._clouds, self._mapped_at = self._clouds + 1, now
-
-    @property
-    def _drives_by_velocity(self) -> bool:
-        return self._controller.state == StateName.MOVE_BASE

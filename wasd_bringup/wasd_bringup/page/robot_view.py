@@ -30,6 +30,8 @@ class RobotView:
 
     def __init__(self, robot: Robot) -> None:
         self._robot: Any = robot
+        # Whether the page looks at the robot's elevation now.
+        self.is_looked_at: Callable[[], bool] = lambda: False
 
     def choices(self) -> tuple[Choice, ...]:
         """Return the states as buttons."""
@@ -77,9 +79,6 @@ class RobotView:
     def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
         """Return what is drawn beside a robot that is there [m], in the world's axes."""
         return Marks(place=place, rotation=rotation)
-
-    def map_while(self, is_looked_at: Callable[[], bool]) -> None:
-        """Take what says whether the page looks at the robot's elevation now."""
 
     def elevation(self) -> Elevation | None:
         """Return the heights that it has mapped around it; None before there are any."""

@@ -40,6 +40,8 @@ class Legged(Robot):
 
     has_states = True
     has_odometry = False
+    estimator = 'imu'
+    period = 1.0 / LEG_RATE
     camera = CameraView(distance=3.8, azimuth=130.0, elevation=-12.0)
     logic: KeysToTwist  # whatever the preset
 
@@ -65,16 +67,6 @@ class Legged(Robot):
     def state(self) -> str:
         """The controller's state."""
         return self.controller.state.value
-
-    @property
-    def period(self) -> float:
-        """The controller's period [s]."""
-        return 1.0 / LEG_RATE
-
-    @property
-    def estimator(self) -> str:
-        """The source of its odometry: it has none, only an IMU."""
-        return 'imu'
 
     @property
     def help_lines(self) -> tuple[str, ...]:

@@ -37,6 +37,7 @@ class Mbot(Robot):
     """
 
     camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
+    estimator = 'wheels'
     logic: KeysToTwist  # whatever the preset: wheels know no states
 
     def __init__(
@@ -91,11 +92,6 @@ class Mbot(Robot):
     def settings(self) -> DiffDriveParameters:
         """The drive's parameters that are in force."""
         return self.drive_unit.parameters
-
-    @property
-    def estimator(self) -> str:
-        """The source of its odometry."""
-        return 'wheels'
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -74,6 +74,7 @@ class Robot(ABC):
 
     has_states = False  # whether keys are more than velocities
     has_odometry = True  # whether something estimates where it is
+    estimator = ''  # the source of its odometry; '': as the options say
     other_presets: tuple[str, ...] = ()  # those that are no keymaps
     # The reach of its feet as it stands, base frame (n, 2) [m]; (0, 2) without feet.
     feet = np.empty((0, 2))
@@ -83,7 +84,7 @@ class Robot(ABC):
     def __init__(
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
-        self.options, self.description = options, loaded
+        self.options, self.description, self.name = options, loaded, options.robot
         self.world, self.simulation = world, simulation
         self.kind = ROBOTS[options.robot].kind
         self.start = world.setup.place
@@ -113,21 +114,6 @@ class Robot(ABC):
     def prepare(self) -> None:
         """Apply the settings, before anything is scheduled."""
         self.ticks = TickStatistics(self.period)
-
-    @property
-    def name(self) -> str:
-        """The robot's name."""
-        return self.options.robot
-
-    @property
-    def estimator(self) -> str:
-        """The source of its odometry."""
-        return self.options.estimator
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """The controller's parameters from the options, by name."""
-        return {}
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -373,7 +359,7 @@ class Robot(ABC):
             'description': self.description.record(),
             'world': options.world,
             'seed': options.seed,
-            'estimator': self.estimator,
+            'estimator': self.estimator or options.estimator,
         }
         if options.untold.randomise:
             asked['drawn'] = dataclasses.asdict(self.world.setup.drawn)
