@@ -206,9 +206,7 @@ def _publish(args: Sequence[str] | None, stop: StopSignals) -> None:
         if reader.terminal is not None:
             # While it is suspended, it cannot publish releases.
             reader.terminal.before_suspend += [lambda: node.publish_key(STOP_KEY), node.close]
-        reader.allow_bursts()
-        if node.raw:
-            reader.set_raw()
+        reader.pass_on(node.raw)
         publish_keys(node, reader, stop)
 
 

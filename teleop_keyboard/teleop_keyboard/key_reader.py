@@ -15,7 +15,7 @@ from wasd_core.timing import HELD, HELD_PERIOD, NO_PRESS, with_event
 from teleop_keyboard.decoder import CharacterDecoder, KeyDecoder
 from teleop_keyboard.keymap import SIGNAL_KEYS
 from teleop_keyboard.terminal import NoTerminal, open_terminal, Source, Terminal
-from teleop_keyboard.typed_keys import MOST_AT_ONCE, TypedKeys
+from teleop_keyboard.typed_keys import TypedKeys
 
 # A key that names a state (of the Go2: 2 stands) means the same when it comes late [s]; longer,
 # and whoever pressed it has given up or pressed another.
@@ -92,8 +92,7 @@ class KeyReader:
         for source in (terminal, pipe):
             if source is not None:
                 self._decoders[source] = KeyDecoder()
-        self._most = MOST_AT_ONCE
-        self._typed = self._new_typed_keys()
+        self._typed = None if terminal is None else TypedKeys(self._decoders[terminal])
         self._stack = contextlib.ExitStack()
         self._is_raw = self._has_asked = False
         self._next_held = 0.0
@@ -179,21 +178,17 @@ class KeyReader:
             keys += typed.take(data, 0.0)
         return keys
 
-    def set_raw(self) -> None:
-        """Return single characters from now on instead of names of keys."""
-        self._decoders = {source: CharacterDecoder() for source in self._decoders}
-        self._typed = self._new_typed_keys()
-        self._is_raw = True
+    def pass_on(self, raw: bool) -> None:
+        """
+        Pass bursts on whole, of LONGEST_BURST keys at most: programs type, too.
 
-    def allow_bursts(self) -> None:
-        """Pass bursts on whole, of LONGEST_BURST keys at most: programs type, too."""
-        self._most = LONGEST_BURST
-        self._typed = self._new_typed_keys()
-
-    def _new_typed_keys(self) -> TypedKeys | None:
-        if self.terminal is None:
-            return None
-        return TypedKeys(self._decoders[self.terminal], self._most)
+        They come as single characters if `raw`, else as names of keys.
+        """
+        self._is_raw = raw
+        if raw:
+            self._decoders = {source: CharacterDecoder() for source in self._decoders}
+        if self.terminal is not None:
+            self._typed = TypedKeys(self._decoders[self.terminal], LONGEST_BURST)
 
     @property
     def _down(self) -> tuple[str, ...]:
