@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The face of a robot's controller on ROS: keys and velocities in, odometry out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import functools
 from typing import Any
 
@@ -26,6 +26,11 @@ LAST_WORDS_TIMEOUT = 0.25
 STATE_PERIOD = 0.02
 
 
+def overrides(values: Mapping[str, Any]) -> list[Parameter]:
+    """Return values by name as what overrides the parameters of a node."""
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
 class ControllerFace:
     """
     A controller without a node of its own: cmd_vel and keys drive it, as `Drivers` allow.
@@ -48,10 +53,11 @@ class ControllerFace:
         self.key_inputs: list[LoopbackSubscription[String]] = []
         if robot.logic is not None:
             # A participant knows one type per topic: that of the controller's subscription.
-            values = robot.options.preset, robot.options.layout, twist_type is TwistStamped
-            names = 'preset', 'layout', 'stamped'
-            given = [Parameter(n, value=value) for n, value in zip(names, values, strict=True)]
-            teleop = KeysToTwistNode(robot.logic, namespace=namespace, parameter_overrides=given)
+            given = {name: getattr(robot.options, name) for name in ('preset', 'layout')}
+            given['stamped'] = twist_type is TwistStamped
+            teleop = KeysToTwistNode(
+                robot.logic, namespace=namespace, parameter_overrides=overrides(given)
+            )
             self.nodes.append(teleop)
             self.key_inputs.append(teleop.keys)
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
@@ -108,7 +114,7 @@ class LegsFace(ControllerFace):
         # Here, because wheels do without.
         from quadruped_sim.leg_controller_node import LegControllerNode
 
-        given = [Parameter(name, value=value) for name, value in robot.given.items()]
+        given = overrides(robot.given)
         node = LegControllerNode(
             robot.legs, namespace=robot.options.namespace, parameter_overrides=given
         )
@@ -153,9 +159,7 @@ class WheelsFace(ControllerFace):
         node = DiffDriveControllerNode(
             robot.drive_unit,
             namespace=robot.options.namespace,
-            parameter_overrides=[
-                Parameter(name, value=value) for name, value in robot.given.items()
-            ],
+            parameter_overrides=overrides(robot.given),
             file=robot.options.drive_file,
         )
         super().__init__(robot, node)

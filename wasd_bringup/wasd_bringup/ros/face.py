@@ -30,7 +30,7 @@ from wasd_core.streams import visible
 from wasd_core.topics import PublisherWatch, TfBroadcaster
 
 from wasd_bringup.robots import HUMANOID, load_class
-from wasd_bringup.ros.controllers import ControllerFace
+from wasd_bringup.ros.controllers import ControllerFace, overrides
 from wasd_bringup.ros.drivers_node import DriversNode
 from wasd_bringup.run.face import Face
 from wasd_bringup.run.robot import Robot
@@ -64,7 +64,7 @@ class RosFace:
             world,
             simulation=robot.simulation,
             sensors=robot.sensors,
-            parameter_overrides=[Parameter(name, value=value) for name, value in built.items()],
+            parameter_overrides=overrides(built),
         )
         _refuse_vain(self.simulator, command)
         self.controller: ControllerFace = load_class(robot.kind.face)(robot)
@@ -168,9 +168,7 @@ class RosFaces(Face):
         node = NavigatorNode(
             navigation.unit,
             namespace=navigation.robot.options.namespace,
-            parameter_overrides=[
-                Parameter(name, value=value) for name, value in navigation.given.items()
-            ],
+            parameter_overrides=overrides(navigation.given),
         )
         navigation.on_step.append(node.publish)
         self.nodes.append(node)

@@ -3,9 +3,7 @@
 
 import math
 
-from mujoco_sim.simulation import Simulation
-from mujoco_sim.world import World
-from teleop_keyboard.dashboard import board, Line, Status, status_line
+from teleop_keyboard.dashboard import board, Line, status_line
 from teleop_keyboard.screen import StatusLine
 
 from wasd_bringup.run.robot import Robot
@@ -17,35 +15,26 @@ def show_robot(robot: Robot, line: StatusLine, name: str, now: float, is_told: b
 
     `is_told`: also write lines to an output that is no terminal.
     """
-    line.show(
-        lambda width: say_status(robot.status(), name, robot.simulation, width),
-        now,
-        lambda *size: draw_board(robot.status(), robot.world, robot.first_keys, *size),
-        lambda: say_plainly(robot.status(), name) if is_told else '',
-    )
+    called = f'[{name}] ' if name else ''
 
+    def compose(width: int) -> str:
+        status, pacer = robot.status(), robot.simulation.pacer
+        pace = 'paused' if robot.simulation.paused else f'x{pacer.real_time_factor:.2f}'
+        clock = f'{robot.world.time:.1f} s {pace}'
+        return status_line(status._replace(state=f'{called}{status.state}'), clock, width)
 
-def say_status(status: Status, name: str, simulation: Simulation, width: int) -> str:
-    """Return a terminal's line on the robot that the keys drive, by its name where that helps."""
-    pace = f'x{simulation.pacer.real_time_factor:.2f}' if not simulation.paused else 'paused'
-    if name:
-        status = status._replace(state=f'[{name}] {status.state}')
-    return status_line(status, f'{simulation.world.time:.1f} s {pace}', width)
+    def draw_board(width: int, height: int) -> list[Line]:
+        status = robot.status()
+        if status.axes:
+            base = robot.world.base()
+            lift = round(float(base.position[2]), 2) + 0.0  # no -0.00
+            body = f'height {lift:.2f} m   tilt {math.degrees(base.tilt):.1f} deg'
+            status = status._replace(body=body)
+        return board(status, robot.first_keys, width, height)
 
+    def say_plainly() -> str:
+        """Return what seldom changes, for an output that cannot be rewritten."""
+        status = robot.status()
+        return called + ': '.join(filter(None, (status.state, status.message)))
 
-def say_plainly(status: Status, name: str) -> str:
-    """Return the parts of a status that seldom change, for an output that cannot be rewritten."""
-    words = f'[{name}] {status.state}' if name else status.state
-    return f'{words}: {status.message}' if status.message else words
-
-
-def draw_board(
-    status: Status, world: World, first_keys: str, width: int, height: int
-) -> list[Line]:
-    """Return what a window with room for it shows above that line."""
-    if status.axes:
-        base = world.base()
-        lift = round(float(base.position[2]), 2) + 0.0  # no -0.00
-        body = f'height {lift:.2f} m   tilt {math.degrees(base.tilt):.1f} deg'
-        status = status._replace(body=body)
-    return board(status, first_keys, width, height)
+    line.show(compose, now, draw_board, say_plainly if is_told else str)
