@@ -56,12 +56,6 @@ def look(path: Path) -> dict[str, Any]:
     return found
 
 
-def _bound() -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_TIME, PROCESSOR_TIME))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
 def open_session(model: bytes | str) -> Any:
     """
     Return a session of onnxruntime: one thread, on the processor, the same bits each time.
@@ -106,7 +100,9 @@ def describe(session: Any) -> dict[str, Any]:
 
 def main() -> None:
     """Look at the file that is named."""
-    _bound()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_TIME, PROCESSOR_TIME))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     try:
         print(json.dumps(describe(open_session(sys.argv[1]))))
     except PolicyError as error:

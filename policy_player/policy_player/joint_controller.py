@@ -91,13 +91,6 @@ class JointController:
                 )
         return np.array([self.joints.index(name) for name in player.joints])
 
-    def _with(self, targets: JointTargets, theirs: JointTargets) -> JointTargets:
-        """Return targets with the policy's joints as it says."""
-        parts = [part.copy() for part in targets]
-        for part, said in zip(parts, theirs, strict=True):
-            part[self._theirs] = said
-        return JointTargets(*parts)
-
     @property
     def has_policy(self) -> bool:
         """Whether a network can walk."""
@@ -211,7 +204,9 @@ class JointController:
             joints.position[own],
             joints.velocity[own],
         )
-        targets = self._with(self._stand, self._player.step(told, self.velocity, dt))
+        targets = JointTargets(*(part.copy() for part in self._stand))
+        for part, said in zip(targets, self._player.step(told, self.velocity, dt), strict=True):
+            part[own] = said
         if self._player.failure:
             self.let_go(f'{self._player.failure}: motors damp')
             return self._damping()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from policy_player.spec import Numbers, PolicySpec, Term
+from policy_player.spec import Numbers, PolicySpec
 
 # What public policies of robots of the Go2's size have: joint stiffness [N m/rad] and damping
 # [N m s/rad], rad an action, and the step [s].
@@ -93,8 +93,13 @@ def variants(spec: PolicySpec) -> Iterator[tuple[str, PolicySpec]]:
             f'the step is {words} of what it should be',
             replace(spec, period=min(max(factor * spec.period, 0.001), 0.2)),
         )
-    yield 'gravity has the wrong sign', _with_scale(spec, 'gravity', -1.0)
-    yield 'the history is the wrong way round', _reversed(spec)
+    flipped = tuple(
+        replace(term, scale=times(term.scale, -1.0)) if term.name == 'gravity' else term
+        for term in spec.terms
+    )
+    yield 'gravity has the wrong sign', replace(spec, terms=flipped)
+    turned = tuple(replace(term, ages=term.ages[::-1]) for term in spec.terms)
+    yield 'the history is the wrong way round', replace(spec, terms=turned)
     yield from orders(spec)
 
 
@@ -126,20 +131,3 @@ def _along(part: str) -> int:
     """Return how far along a leg a joint is, by its name."""
     known = ('hip', 'thigh', 'calf')
     return next((index for index, name in enumerate(known) if name in part), len(known))
-
-
-def _with_scale(spec: PolicySpec, name: str, factor: float) -> PolicySpec:
-    terms = tuple(
-        replace(term, scale=tuple(factor * one for one in term.scale))
-        if term.name == name
-        else term
-        for term in spec.terms
-    )
-    return replace(spec, terms=terms)
-
-
-def _reversed(spec: PolicySpec) -> PolicySpec:
-    def turned(term: Term) -> Term:
-        return replace(term, ages=term.ages[::-1])
-
-    return replace(spec, terms=tuple(map(turned, spec.terms)))

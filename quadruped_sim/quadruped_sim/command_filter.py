@@ -61,7 +61,6 @@ class CommandFilter:
         self._robot = scale, agility, turning
         # What a guard leaves of the request in force, shape (3,).
         self.hold_back: Callable[[np.ndarray], np.ndarray] = lambda velocity: velocity
-        self.refused = 0
         self._age = Watchdog(params.timeout)
         self._request = np.zeros(3)
         self.tune(params, gait)
@@ -131,7 +130,6 @@ class CommandFilter:
     def request(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Take a request, clamped; NaN or infinity is refused, which the returned text says."""
         if not (math.isfinite(vx) and math.isfinite(vy) and math.isfinite(yaw_rate)):
-            self.refused += 1
             return f'velocity command refused: not finite: ({vx}, {vy}, {yaw_rate})'
         if (vx, vy, yaw_rate) != self._asked:  # sticks ask for the same again and again
             self._request, self._asked = self._clamped(vx, vy, yaw_rate), (vx, vy, yaw_rate)

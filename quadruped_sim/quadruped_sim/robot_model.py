@@ -248,11 +248,8 @@ class RobotModel:
     def _positions(self, angles: np.ndarray) -> np.ndarray:
         """Pinocchio's configuration with the base at the origin and the legs at `angles`."""
         q: np.ndarray = self._neutral.copy()
-        q[self._to_q] = self._joint_positions(angles)
+        q[self._to_q] = angles if self._is_plain else self._sign * (angles - self._zero)
         return q
-
-    def _joint_positions(self, angles: np.ndarray) -> np.ndarray:
-        return angles if self._is_plain else self._sign * (angles - self._zero)
 
 
 def _check_feet(robot: Robot, quadruped: Quadruped) -> None:
