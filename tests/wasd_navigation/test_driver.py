@@ -434,6 +434,24 @@ def test_a_door_that_stays_closed_makes_it_give_up_with_the_reason() -> None:
     assert robot.gap(ROUND) > 0.025
 
 
+def test_what_it_has_backed_up_is_no_progress_when_it_comes_again() -> None:
+    robot = Drive(
+        Driver(WHEELS, ROUND, PlanningParameters(recoveries=1, stuck_time=1.0)),
+        WHEELS,
+        room(),
+        (1.0, 2.0, 0.0),
+    )
+
+    def sill(pose: np.ndarray) -> Scan:
+        robot.state[0] = min(robot.state[0], 1.5)
+        return NOTHING
+
+    robot.look = sill
+    robot.driver.set_goal(np.array((5.0, 2.0, 0.0)))
+    assert robot.run(20.0) == 'failed'
+    assert robot.driver.reason.endswith('after 1 recoveries')
+
+
 def test_a_door_that_opens_again_lets_it_go_on() -> None:
     robot, goal = wheels(), np.array((5.0, 1.0, 0.0))
     robot.driver.set_goal(goal)

@@ -136,7 +136,7 @@ class NavigatorNode(Node):
         """Publish what has changed up to a time [s], `dt` [s] after the last call."""
         self._look_who_is_heard(dt)
         dated = now + self.settings.transform_tolerance
-        self._publisher.publish(now, dated, self.navigation.odom_frame)
+        self._publisher.publish(now, dated, self.navigation.senses.odom_frame)
         for action in self._actions:
             action.step(now, self.settings.map_frame)
 
@@ -154,7 +154,7 @@ class NavigatorNode(Node):
         stamp = self.get_clock().now().to_msg() if self.settings.stamped else None
         vx, vy, wz = velocity.tolist()
         self._velocity.publish(
-            stamped(to_twist(vx, vy, 0.0, wz), stamp, self.navigation.base_frame)
+            stamped(to_twist(vx, vy, 0.0, wz), stamp, self.navigation.senses.base_frame)
         )
 
     def _on_odometry(self, message: OdometryMessage) -> None:
@@ -191,9 +191,9 @@ class NavigatorNode(Node):
         # A map that begins with the robot is where odometry is.
         begins = navigator.is_mapping and getattr(navigator.locator, 'is_found', True)
         if navigator.is_placed or begins:
-            known[self.navigation.odom_frame.lstrip('/')] = navigator.locator.correction
+            known[self.navigation.senses.odom_frame.lstrip('/')] = navigator.locator.correction
             if navigator.pose is not None:
-                known[self.navigation.base_frame.lstrip('/')] = navigator.pose
+                known[self.navigation.senses.base_frame.lstrip('/')] = navigator.pose
         # Last: no robot's frame is the map's, whatever it is called.
         known[''] = known[self.settings.map_frame.lstrip('/')] = np.zeros(3)
         if frame not in known:

@@ -29,7 +29,7 @@ NOTICE = 'compiling, once: the navigator, which takes up to a minute of a core'
 # that ends so far ahead and behind, to the left and to the right [m].
 WARM_UP_STEPS = 120
 TOUR, ROOM, RESOLUTION = 1.0, (3.0, 2.5, 1.5), 0.05
-# And then in a hall of so much [m] each way.
+# And then in a hall of so much [m] each way, which is too large to be looked at as a whole.
 HALL = 24.0
 
 
@@ -102,7 +102,7 @@ def warm_up(locator: Locator, pilot: Driver) -> None:
             scan = _look(here[0], 1.0 if revision < 3 else 0.6)
             pilot.step(grid, revision, here, np.zeros(3), scan, 0.3)
     pilot.reset()
-    hall = _draw_hall()
+    hall = _draw_room((0.0, 0.0), (HALL, HALL))
     pilot.set_goal(np.array([HALL - 2.0, HALL - 2.0, 0.0]))
     for _ in range(24):
         pilot.step(hall, 0, np.array([2.0, 2.0, 0.0]), np.zeros(3), None, 0.05)
@@ -119,21 +119,14 @@ def _look(x: float, scale: float) -> Scan:
     return read_scan(ranges, angles, (0.1, 8.0))
 
 
-def _draw_room() -> Grid:
-    """Return the map of the room."""
-    length, left, right = ROOM
-    shape = (round((left + right) / RESOLUTION) + 2, round(2.0 * length / RESOLUTION) + 2)
-    cells = np.full(shape, OCCUPIED, np.int8)
+def _draw_room(
+    low: tuple[float, float] = (-ROOM[0], -ROOM[2]), high: tuple[float, float] = ROOM[:2]
+) -> Grid:
+    """Return the map of the room, or of another between two corners (x, y) [m]."""
+    columns, rows = (round((b - a) / RESOLUTION) + 2 for a, b in zip(low, high, strict=True))
+    cells = np.full((rows, columns), OCCUPIED, np.int8)
     cells[1:-1, 1:-1] = FREE
-    return Grid(cells, RESOLUTION, (-length - RESOLUTION, -right - RESOLUTION))
-
-
-def _draw_hall() -> Grid:
-    """Return a map that is too large to be looked at as a whole."""
-    count = round(HALL / RESOLUTION)
-    cells = np.full((count, count), OCCUPIED, np.int8)
-    cells[1:-1, 1:-1] = FREE
-    return Grid(cells, RESOLUTION, (0.0, 0.0))
+    return Grid(cells, RESOLUTION, (low[0] - RESOLUTION, low[1] - RESOLUTION))
 
 
 class _Notice:

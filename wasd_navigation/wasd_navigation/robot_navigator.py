@@ -99,16 +99,6 @@ class RobotNavigator:
             self.stop('the driving parameters have changed')
             self.navigator.configure(make_pilot(settings), settings.planning.silence)
 
-    @property
-    def odom_frame(self) -> str:
-        """The frame of odometry."""
-        return self.senses.odom_frame
-
-    @property
-    def base_frame(self) -> str:
-        """The frame of the base; '' before there is odometry."""
-        return self.senses.base_frame
-
     def take_odometry(
         self, now: float, base: BaseOdometry, frames: tuple[str, str] = ('', '')
     ) -> None:

@@ -18,8 +18,9 @@ from wasd_navigation.se2 import wrap
 
 # From so much left on it is looked whether the goal is there straight away [m].
 _DOCKING = 1.5
-# Coming nearer by less than this is no progress [m].
-_NEARER = 0.1
+# Coming nearer by less than this is no progress [m]; by more than this, which is more than it
+# backs up, what it has recovered from is behind it.
+_NEARER, _PAST = 0.1, 0.5
 # No way at all: so long it is waited for one, before that counts as one recovery [s].
 _WAIT = 2.0
 # A command holds so long, with all that delays it, before the next one can stop the robot [s].
@@ -130,17 +131,13 @@ class Driver:
         self._seen_for, self._known = 0.0, 0.0
         if before is None:
             self._sampler.reset()
-        self._restart()
-
-    def _route_to(self, goal: np.ndarray, may_be_unknown: bool) -> Route:
-        return Route(goal, self._footprint, self._base, self._parameters, may_be_unknown)
-
-    def _restart(self) -> None:
-        """Forget how far it came: count time without progress from now."""
         self._docking: Docking | None = None
         self._start_over()
         self._manoeuvre: Manoeuvre | None = None
         self._manoeuvred = 0.0
+
+    def _route_to(self, goal: np.ndarray, may_be_unknown: bool) -> Route:
+        return Route(goal, self._footprint, self._base, self._parameters, may_be_unknown)
 
     @property
     def _pose(self) -> np.ndarray | None:
@@ -424,7 +421,9 @@ class Driver:
     def _watch(self, left: float, dt: float) -> None:
         """Recover when it has come no nearer for long."""
         if left < self._least_left - _NEARER:
-            if self._least_left < math.inf:
+            if self._least_left == math.inf:
+                self._first_left = left  # since the last recovery
+            elif left < self._first_left - _PAST:
                 self._in_a_row = 0
             self._least_left, self._no_nearer = left, 0.0
             return
