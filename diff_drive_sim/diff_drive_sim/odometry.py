@@ -105,12 +105,7 @@ def find_pair(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
 
 
 def geometry_of(robot: Robot, drive: Drive) -> DiffDriveGeometry:
-    """
-    Return the geometry of a robot's two driven wheels.
-
-    Raises:
-        DiffDriveError: the base does not stand as the description's root does.
-    """
+    """Return the geometry of a robot's two driven wheels."""
     left, right = drive.wheels
     axle_x, axle_y, _ = (0.5 * (left.position + right.position)).tolist()
     return DiffDriveGeometry(

@@ -88,19 +88,14 @@ def bare_urdf(
     is said at `to_pinocchio`; `fixed` joints are so, with these poses.
     """
     robot, source = description.robot, ElementTree.fromstring(description.urdf)
-    links = {
-        name: link
-        for name, link in robot.links.items()
-        if not (for_control and robot.is_fixed and name == robot.root)
-    }
+    links, joints = robot.links, robot.joints
+    world = robot.root if for_control and robot.is_fixed else None
     bare = ElementTree.Element('robot', name=source.get('name') or 'robot')
     for element in source:
         name = element.get('name', '')
-        if element.tag == 'link' and name in links:
+        if element.tag == 'link' and name in links and name != world:
             _add_link(bare, links[name])
-        elif (
-            element.tag == 'joint' and name in robot.joints and robot.joints[name].parent in links
-        ):
+        elif element.tag == 'joint' and name in joints and joints[name].parent != world:
             if name in fixed:
                 _add_fixed_joint(bare, element, fixed[name])
             else:

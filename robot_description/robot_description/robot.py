@@ -21,8 +21,6 @@ LOOSE = ('floating', 'planar')
 JOINT_KINDS = (*MOVABLE, 'fixed', *LOOSE)
 # A root link of this name is no part of the robot: what hangs on it does not float.
 WORLD_LINK = 'world'
-# The joint by which a robot floats, where a library wants a name for it.
-ROOT_JOINT = 'root'
 # Of links without an inertial where nothing is simulated, as in the first lessons on URDF.
 STAND_IN_MASS, STAND_IN_INERTIA = 1.0, 0.01  # [kg], [kg m^2]
 # A second moment below this share of their sum counts as impossible: MuJoCo refuses it.
@@ -186,7 +184,7 @@ class Robot:
     @property
     def root_joint(self) -> str:
         """A name for the joint by which it floats that no joint of its own has."""
-        name = ROOT_JOINT
+        name = 'root'
         while name in self.joints:
             name += '_'
         return name

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from robot_description.mujoco.builder import compile_model, to_mujoco
 from robot_description.mujoco.geoms import COLLISION_GROUP, VISUAL_GROUP
-from robot_description.robot import ROOT_JOINT
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 
@@ -44,7 +43,7 @@ def model(spec):
 
 def test_mbot_floats_and_has_four_wheels_and_two_motors(model):
     assert (model.nq, model.nv, model.nu) == (7 + 4, 6 + 4, 2)
-    root = model.joint(ROOT_JOINT)
+    root = model.joint('root')
     assert root.type[0] == mujoco.mjtJoint.mjJNT_FREE
     assert model.body(model.jnt_bodyid[root.id]).name == 'base_footprint'
 

@@ -84,18 +84,8 @@ def correct_mesh_paths(workspace: Workspace) -> Iterator[Edit]:
 
 
 def add_footprint(workspace: Workspace) -> Iterator[Edit]:
-    """
-    Add the link and the joint to the root, at the height of the wheels' lowest point.
-
-    Raises:
-        DescriptionError: it cannot be said which link is the root.
-    """
+    """Add the link and the joint to the root, at the height of the wheels' lowest point."""
     model = workspace.model()
-    if FOOTPRINT in model.links:
-        return
-    roots = [link for link in model.links if link not in model.joint_above]
-    if len(roots) != 1:
-        raise DescriptionError(f'{workspace.path}: {FOOTPRINT} needs one root to stand under')
     robot = workspace.tags(workspace.path)
     if robot.close is None:
         return
@@ -103,14 +93,14 @@ def add_footprint(workspace: Workspace) -> Iterator[Edit]:
     line_start = data.rfind(b'\n', 0, robot.close) + 1
     is_alone = not data[line_start : robot.close].strip()
     at = line_start if is_alone else robot.close
-    indent = '  '
-    if robot.children:
-        before = data[: robot.children[0].start].rpartition(b'\n')[2].decode()
-        indent = before if not before.strip() else indent
+    before = data[: robot.children[0].start].rpartition(b'\n')[2].decode()
+    indent = '  ' if before.strip() else before
     # How far below the root the wheels touch the ground [m].
     height = max(wheel.radius - wheel.z for wheel in find_wheels(model))
-    root = escape(roots[0], QUOTES)
-    text = TEXT.format(indent=indent, footprint=FOOTPRINT, height=height, root=root)
+    root = next(link for link in model.links if link not in model.joint_above)
+    text = TEXT.format(
+        indent=indent, footprint=FOOTPRINT, height=height, root=escape(root, QUOTES)
+    )
     text = text if is_alone else '\n' + text
     if data[:line_start].endswith(b'\r\n'):
         text = text.replace('\n', '\r\n')

@@ -106,12 +106,10 @@ def check_size(model: Model, robot: Robot) -> Iterator[Finding]:
 
 def check_balance(model: Model, robot: Robot) -> Iterator[Finding]:
     """The centre of mass of a wheel is on its axle."""
+    driving = {robot.carriers[j.parent] for j in robot.movable_joints if j.effort > 0.0}
     for roller in find_rollers(robot):
         # What carries a motor, a thigh a knee's, say, is no wheel.
-        is_limb = is_on_leg(roller, robot) or any(
-            robot.carriers[joint.parent] == roller.joint.child and joint.effort > 0.0
-            for joint in robot.movable_joints
-        )
+        is_limb = is_on_leg(roller, robot) or roller.joint.child in driving
         if (
             roller.is_measured
             and not is_limb

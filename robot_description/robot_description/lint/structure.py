@@ -12,7 +12,7 @@ from wasd_core.safe_files import Place
 from robot_description.lint.model import Element, end, Model, MOVING_KINDS
 from robot_description.lint.rules import Finding, finding
 from robot_description.morphology.names import guess_name, hint_at, sides, words
-from robot_description.robot import LIMITED, MOVABLE
+from robot_description.robot import JOINT_KINDS, LIMITED, MOVABLE
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.
 CHILDREN = {
@@ -72,7 +72,6 @@ EXTENSIONS = {
 REQUIRED = {'mass', 'inertia', 'box', 'cylinder', 'sphere', 'capsule', 'color'}
 ENDS = ('parent', 'child')
 MIMIC = 'the mimic of '
-JOINT_TYPES = (*MOVING_KINDS, 'fixed')
 # More than this many names make no message clearer.
 MOST_NAMES = 5
 # Tags of Gazebo's drive plugins that hold the name of a joint.
@@ -243,8 +242,8 @@ def check_joints(model: Model) -> Iterator[Finding]:
         yield finding('bad-joint', tag.place, text, 'write <joint>')
     for joint in model.robot.all('joint'):
         kind = joint.attributes.get('type', '')
-        if kind not in JOINT_TYPES:
-            text = f'joint {joint.name!r} has type {kind!r}; wanted {", ".join(JOINT_TYPES)}'
+        if kind not in JOINT_KINDS:
+            text = f'joint {joint.name!r} has type {kind!r}; wanted {", ".join(JOINT_KINDS)}'
             yield finding('bad-joint', joint.place, text)
         for which in ENDS:
             if not end(joint, which):
