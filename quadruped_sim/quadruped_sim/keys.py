@@ -338,7 +338,7 @@ class KeyWords:
             if state in _USING_STICKS:
                 return 'sticks centred'
             # Nobody presses STOP by hand: no answer.
-            return None if key == STOP_KEY else self._to_drive(state, key)
+            return None if key == STOP_KEY else self.to_drive(state, key)
         axis, direction = STICK_KEYS[key.lower()]
         name = self._called(key)
         if state in _BY_STICKS and axis in _DRIVING:
@@ -347,7 +347,7 @@ class KeyWords:
             return f'{name} moves in 3 (press 2, then 3 to lean)'
         effect = _EFFECTS.get(state, {}).get((axis, direction))
         if effect is None:
-            return self._to_drive(state, key)
+            return self.to_drive(state, key)
         cure = self._press(state, self.drive).removeprefix('press ')
         end = '' if has_moved else ', at its end'
         return f'{name}: {effect}{end} (to drive: {cure})'
@@ -356,7 +356,7 @@ class KeyWords:
         """Return the answer to any other key; None if it has an effect."""
         if key in self.elsewhere or key in ARROWS:
             if state is not self.drive:
-                return self._to_drive(state, key)
+                return self.to_drive(state, key)
             if key in self.elsewhere:
                 return None
             return f'press {self.name(ARROWS[key])} ({key} does nothing)'
@@ -365,7 +365,7 @@ class KeyWords:
         # Whatever came on a topic: its control characters made visible, and not all of it.
         return f'{cure} ({self._called(key)[:LONGEST_NAME]!r} does nothing)'
 
-    def _to_drive(self, state: StateName, key: str) -> str | None:
+    def to_drive(self, state: StateName, key: str) -> str | None:
         """Return what to press so that the keys drive; None where they do."""
         if state is self.drive:
             return None

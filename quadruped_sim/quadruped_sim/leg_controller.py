@@ -151,7 +151,7 @@ class LegController:
         """Go on with other parameters, as for the Go2, from the next step; what it does stays."""
         self._given, own = params, self._scaled(params)
         self._params = self._parts.params = own
-        self.command_filter.tune(own.command, own.gait.name, self._left)
+        self._tune_filter()
         self.locomotion.tune(_in_gait(own, self._left))
         self._change_gait()
         self.safety.params = own.safety
@@ -190,7 +190,7 @@ class LegController:
         self._given = _in_gait(self._given, name)
         # The name alone differs: all that `tune` would do beside this is done already.
         self._params = self._parts.params = _in_gait(self._params, name)
-        self.command_filter.tune(self._params.command, name, self._left)
+        self._tune_filter()
         if self.locomotion.gait.params.name != self._left:
             self.locomotion.tune(_in_gait(self._params, self._left))
         self._change_gait()
@@ -204,7 +204,12 @@ class LegController:
             self.locomotion.tune(self._params)
         if legs.params.name == self.gait and legs.has_changed:
             self._left = self.gait
-            self.command_filter.tune(self._params.command, self.gait)
+            self._tune_filter()
+
+    def _tune_filter(self) -> None:
+        """Keep the command within what the gait allows; a network's within what any does."""
+        gaits = ('trot',) if self._entered is StateName.POLICY else (self.gait, self._left)
+        self.command_filter.tune(self._params.command, *gaits)
 
     def _scaled(self, params: LegControllerParameters) -> LegControllerParameters:
         """Return the Go2's parameters as they are on this robot."""
@@ -226,9 +231,10 @@ class LegController:
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""
         self.command_filter.reset()
-        self.choose_gait(self._first_gait)
-        self._machine = StateMachine()
         self._entered: StateName | None = None
+        self.choose_gait(self._first_gait)
+        self._tune_filter()
+        self._machine = StateMachine()
         self.sticks.zero()
         self.safety.reset()
         self._falls.reset()
@@ -285,6 +291,8 @@ class LegController:
         state = self._machine.coming
         if self.lies_fallen:
             return self.words.to_fallen(self.obstacle)
+        if key in (*GAIT_KEYS, EYES_KEY) and state is StateName.POLICY:
+            return self.words.to_drive(state, key)
         if key in GAIT_KEYS and self.words.is_for_legs(key):
             gaits = tuple(GAITS)
             self.choose_gait(gaits[(gaits.index(self.gait) + GAIT_KEYS[key]) % len(gaits)])
@@ -348,7 +356,8 @@ class LegController:
                 return self.hindrance
             return self.words.to_velocity(self._machine.coming)
         refusal, limits = self.command_filter.request(vx, vy, yaw_rate), self.command_filter.limits
-        if refusal is None and self.gait != 'trot' and not limits.hold(vx, vy, yaw_rate):
+        by_gait = self.gait != 'trot' and self._machine.state is StateName.MOVE_BASE
+        if refusal is None and by_gait and not limits.hold(vx, vy, yaw_rate):
             return self.words.to_gait(self.gait, limits)
         return refusal
 
@@ -451,7 +460,9 @@ class LegController:
                 self.sticks.zero()
             self._parts.walks_on = self._entered is StateName.POLICY and _is_moving(robot)
             self._states[self._machine.state].enter(robot)
-            self._entered = self._machine.state
+            before, self._entered = self._entered, self._machine.state
+            if StateName.POLICY in (before, self._entered):
+                self._tune_filter()
         if due is StateName.PASSIVE:
             self._passive.go_down(robot)
 

@@ -2,6 +2,7 @@
 from cases import for_all
 import numpy as np
 import pytest
+from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.keys import KeyWords, StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import foot_positions
@@ -499,6 +500,40 @@ def test_a_policy_with_targets_of_a_wrong_shape_ends_passive_with_a_line(
     assert not command.kp.any()
     said = 'policy: got targets of shapes [(12,), (12,)], wanted 3 of (12,)'
     assert controller.event == f'the controller broke: {said}'
+
+
+def test_a_network_is_told_what_a_trot_may_whatever_gait_is_chosen(model, walker, run):
+    pronk = LegControllerParameters(gait=GaitParameters(name='pronk'))
+    controller = LegController(model, pronk, 'truth', walker)
+    slow = controller.command_filter.limits
+    run(controller, 2)
+    for key in '2p':
+        controller.press(key)
+        run(controller, 3)
+    full = velocity_limits(pronk.command.limits, model.scale, model.agility, model.turning)
+    assert controller.command_filter.limits == full != slow
+    assert controller.set_velocity(full.forward, 0.0, 0.0) is None
+    controller.tune(pronk)
+    assert controller.command_filter.limits == full
+    controller.press('2')
+    run(controller, 3)
+    assert controller.command_filter.limits == slow
+    controller.press('p')
+    run(controller, 3)
+    controller.reset()
+    assert controller.command_filter.limits == slow
+
+
+def test_gaits_and_eyes_are_none_of_a_network_s(model, walker, run):
+    controller = LegController(model, estimator='truth', walker=walker)
+    run(controller, 2)
+    for key in '2p':
+        controller.press(key)
+        run(controller, 3)
+    for key in 'nNe':
+        said = controller.press(key)
+        assert said == f'press 2 to stand, then 4 to trot ({key} does nothing here)'
+    assert (controller.gait, controller.eyes) == ('trot', False)
 
 
 def test_a_policy_begins_in_the_pose_that_its_reset_chooses(model, walker, run, monkeypatch):
