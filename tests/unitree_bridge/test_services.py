@@ -12,8 +12,10 @@ import re
 import numpy as np
 from PIL import Image
 import pytest
+from quadruped_sim.keys import StateName
 from unitree_bridge.bridge import INTO, OUT, SERVICES
 from unitree_bridge.cdr import decode, encode
+from unitree_bridge.motion import Motion
 from unitree_bridge.remote import Remote
 from unitree_bridge.rpc import BAD_PARAMETER, NOT_IMPLEMENTED, OK
 from unitree_bridge.services import TRICKS
@@ -143,6 +145,61 @@ def test_parameters_that_mean_nothing_are_refused_and_move_nothing(standing):
     standing.run(0.5)
     assert np.abs(standing.position - before).max() < 2e-3
     assert standing.state == 'fixed stand'
+
+
+@pytest.mark.slow
+def test_a_refusal_that_is_not_answered_is_said(dog):
+    assert dog.call('sport', MOVE, noreply=True, x=math.nan, y=0.0, z=0.0) is None
+    assert dog.said[-1] == 'sport: request 1008 refused with 3204'
+
+
+@pytest.mark.slow
+def test_a_speed_level_that_there_is_not_is_refused(dog):
+    for level in (7, -100, 0.5):
+        assert dog.call('sport', 1015, data=level)[0] == BAD_PARAMETER
+    assert dog.call('sport', 1015, data=1)[0] == OK
+
+
+@pytest.mark.slow
+def test_motors_that_are_released_are_said_to_be_without_a_lowcmd(rig):
+    said = []
+    rig.go2.legs.on_said = said.append
+    rig.call('motion_switcher', 1003)
+    assert rig.said == ['the motors are released; our controller is stopped']
+    assert said == []
+
+
+class Playing:
+    """A robot of `Motion` that walks by a network; what it is told."""
+
+    state = coming_state = StateName.POLICY
+    time = 0.0
+
+    def __init__(self):
+        self.driven, self.pressed = [], []
+
+    def drive(self, velocity):
+        self.driven.append(velocity)
+        return True
+
+    def press(self, key):
+        self.pressed.append(key)
+        return True
+
+
+def test_a_move_drives_the_network_that_walks():
+    robot = Playing()
+    motion = Motion(robot, print)
+    assert motion.move((0.4, 0.0, 0.0))
+    motion.step(0.002)
+    assert (robot.driven, robot.pressed) == ([(0.4, 0.0, 0.0)], [])
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_lean_by_any_number_is_a_lean_to_the_end():
+    motion = Motion(Playing(), print)
+    motion.lean(1e308, -1e308, 0.0)
+    assert motion._lean == (20, -20, 0)
 
 
 @pytest.mark.slow

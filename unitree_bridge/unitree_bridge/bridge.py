@@ -148,8 +148,9 @@ class Bridge:
                 if answer is not None:
                     self._wire.publish(topics.response(service.name), answer)
 
-    def release_motors(self) -> None:
+    def release_motors(self, why: str = 'the motors are released') -> None:
         """Take the motors from our controller, as a program that commands them itself does."""
+        self._say(f'{why}; our controller is stopped')
         self.motion.forget()
         self.low.release()
         self._robot.let_go()
@@ -229,8 +230,7 @@ class Bridge:
             return False
         self._answers = self._has_begun = True
         if not was_released:
-            self._say('LowCmd: an SDK program has the motors; our controller is stopped')
-            self.release_motors()
+            self.release_motors('LowCmd: an SDK program has the motors')
         return True
 
     def _await_command(self, now: float) -> bool:

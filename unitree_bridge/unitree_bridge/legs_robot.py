@@ -26,7 +26,6 @@ _EYE = np.array((0.34, 0.0, 0.05))
 _WIDTH, _HEIGHT = 1280, 720
 _VIEW = Frustum(math.radians(100.0), _WIDTH, _HEIGHT, near=0.05, far=100.0)
 _QUALITY = 85
-WHY = 'an SDK program has the motors'
 
 
 @dataclass
@@ -128,8 +127,7 @@ class LegsRobot:
 
     def let_go(self) -> None:
         """Stop our controller: from now on it damps."""
-        self._legs.controller.e_stop(WHY)
-        self._legs.say(f'{WHY} (rt/lowcmd)')
+        self._legs.controller.e_stop('the motors are released')
 
     def picture(self) -> bytes:
         """

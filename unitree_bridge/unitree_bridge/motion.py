@@ -5,7 +5,7 @@ from collections.abc import Callable
 import math
 
 import numpy as np
-from quadruped_sim.keys import keys_between, StateName, SUCCESSORS
+from quadruped_sim.keys import FOLLOWING, keys_between, StateName, SUCCESSORS
 from quadruped_sim.presets import GAITS, LIMITS
 from quadruped_sim.states.driving import FULL_LEAN
 from wasd_core.timing import Beat, Watchdog
@@ -23,7 +23,6 @@ _PATIENCE = 0.5
 # Steps of a stick from its centre to its end, and the keys that roll, pitch and yaw, up and down.
 _FULL_STICK = 20
 _LEAN_KEYS = (('d', 'a'), ('w', 's'), ('j', 'l'))
-_SLOW, _NORMAL = -1, 0
 _UPRIGHT = (0, 0, 0)
 STANDSTILL = (0.0, 0.0, 0.0)
 # Where Move is heard: the robot stands, or is about to.
@@ -48,7 +47,7 @@ class Motion:
 
     def reset(self) -> None:
         """Be asked for nothing."""
-        self.speed_level = _NORMAL
+        self.is_slow = False
         self.forget()
 
     def forget(self) -> None:
@@ -93,8 +92,9 @@ class Motion:
             self._end_asking()
         if self.lies or self._is_ignored:
             return False
-        self._aim_for(StateName.MOVE_BASE)
-        if self.speed_level == _SLOW:
+        coming = self._robot.coming_state  # a network that walks is driven as it is
+        self._aim_for(coming if coming in FOLLOWING else StateName.MOVE_BASE)
+        if self.is_slow:
             velocity = _slowed(velocity)
         self._velocity = velocity
         self._alive.hear()
@@ -118,7 +118,8 @@ class Motion:
     def lean(self, roll: float, pitch: float, yaw: float) -> None:
         """Lean as a robot does that stands and balances [rad], as far as it can."""
         self.go(StateName.FREE_STAND)
-        shares = np.clip((roll, pitch, yaw) / FULL_LEAN[:3], -1.0, 1.0)
+        most = FULL_LEAN[:3]
+        shares = np.clip((roll, pitch, yaw), -most, most) / most
         self._lean = tuple(round(_FULL_STICK * share) for share in shares.tolist())
 
     def choose_gait(self, name: str) -> None:
@@ -143,8 +144,8 @@ class Motion:
         self._asks.step(dt)
         self._is_ignored &= self._asks.is_alive
         due = self._beat.is_due(self._robot.time, MOVE_RATE)
-        in_move = self._robot.state == StateName.MOVE_BASE
-        if due and self._alive.is_alive and in_move and not self._robot.drive(self._velocity):
+        follows = self._robot.state in FOLLOWING
+        if due and self._alive.is_alive and follows and not self._robot.drive(self._velocity):
             self._give_up()
 
     def _approach_goal(self) -> None:

@@ -71,6 +71,8 @@ def serve(service: Service, raw: bytes, say: Callable[[str], None]) -> bytes | N
     except Refused as refusal:
         code = refusal.code
     if header['policy']['noreply']:
+        if code != OK:  # else nobody learns it
+            say(f'{service.name}: request {header["identity"]["api_id"]} refused with {code}')
         return None
     answer = answer or Answer()
     data = '' if answer.data is None else answer.data

@@ -13,6 +13,7 @@ from unitree_bridge.low_level import LowLevel
 from unitree_bridge.motion import Motion
 from unitree_bridge.rpc import (
     Answer,
+    BAD_PARAMETER,
     flag,
     Handler,
     INTERNAL,
@@ -132,7 +133,10 @@ class Sport(Service):
             self._say('sport: Move was stopped (it counts after StopMove, or 1.2 s without it)')
 
     def _speed_level(self, said: Parameters) -> None:
-        self._motion.speed_level = round(number(said, 'data'))
+        level = number(said, 'data')
+        if level not in (-1, 0, 1):
+            raise Refused(BAD_PARAMETER)
+        self._motion.is_slow = level == -1
 
     def _switch_joystick(self, said: Parameters) -> None:
         self.follows_remote = flag(said, 'data')
