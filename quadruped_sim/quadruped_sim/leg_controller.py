@@ -231,10 +231,9 @@ class LegController:
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""
         self.command_filter.reset()
-        self._entered: StateName | None = None
         self.choose_gait(self._first_gait)
-        self._tune_filter()
         self._machine = StateMachine()
+        self._entered: StateName | None = None
         self.sticks.zero()
         self.safety.reset()
         self._falls.reset()
@@ -460,9 +459,8 @@ class LegController:
                 self.sticks.zero()
             self._parts.walks_on = self._entered is StateName.POLICY and _is_moving(robot)
             self._states[self._machine.state].enter(robot)
-            before, self._entered = self._entered, self._machine.state
-            if StateName.POLICY in (before, self._entered):
-                self._tune_filter()
+            self._entered = self._machine.state
+            self._tune_filter()
         if due is StateName.PASSIVE:
             self._passive.go_down(robot)
 

@@ -521,6 +521,7 @@ def test_a_network_is_told_what_a_trot_may_whatever_gait_is_chosen(model, walker
     controller.press('p')
     run(controller, 3)
     controller.reset()
+    run(controller, 1)
     assert controller.command_filter.limits == slow
 
 
