@@ -2,7 +2,6 @@
 """Turns requests of the sport service into keys and velocities over time."""
 
 from collections.abc import Callable
-import math
 
 import numpy as np
 from quadruped_sim.keys import FOLLOWING, keys_between, StateName, SUCCESSORS
@@ -23,6 +22,8 @@ _PATIENCE = 0.5
 # Steps of a stick from its centre to its end, and the keys that roll, pitch and yaw, up and down.
 _FULL_STICK = 20
 _LEAN_KEYS = (('d', 'a'), ('w', 's'), ('j', 'l'))
+# What a slow robot keeps to is unitree_guide's [m/s], [m/s], [rad/s].
+_SLOW = np.array(LIMITS['guide'])[[0, 2, 3]]
 _UPRIGHT = (0, 0, 0)
 STANDSTILL = (0.0, 0.0, 0.0)
 # Where Move is heard: the robot stands, or is about to.
@@ -95,7 +96,8 @@ class Motion:
         coming = self._robot.coming_state  # a network that walks is driven as it is
         self._aim_for(coming if coming in FOLLOWING else StateName.MOVE_BASE)
         if self.is_slow:
-            velocity = _slowed(velocity)
+            vx, vy, yaw_rate = np.clip(velocity, -_SLOW, _SLOW).tolist()
+            velocity = vx, vy, yaw_rate
         self._velocity = velocity
         self._alive.hear()
         return True
@@ -189,14 +191,3 @@ class Motion:
     def _give_up(self) -> None:
         self.forget()
         self._say('sport: the robot was stopped, or others drive it: request ignored')
-
-
-def _slowed(velocity: Velocity) -> Velocity:
-    """Return a velocity within unitree_guide's limits, which a slow robot keeps to."""
-    most = LIMITS['guide']
-    limits = (most.forward, most.lateral, most.yaw)
-    return (
-        math.copysign(min(abs(velocity[0]), limits[0]), velocity[0]),
-        math.copysign(min(abs(velocity[1]), limits[1]), velocity[1]),
-        math.copysign(min(abs(velocity[2]), limits[2]), velocity[2]),
-    )

@@ -4,6 +4,7 @@
 from collections.abc import Callable, Mapping
 import json
 import math
+import sys
 from typing import Any, NamedTuple
 
 from wasd_core.errors import InvalidMessage
@@ -108,13 +109,9 @@ def _read_parameter(text: str) -> Parameters:
 def number(parameters: Parameters, name: str) -> float:
     """Return a finite number of a request, or raise Refused."""
     value = parameters.get(name)
-    try:
-        said = float(value) if isinstance(value, (int, float)) else math.nan
-    except OverflowError:
-        said = math.nan
-    if not math.isfinite(said):
+    if not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
         raise Refused(BAD_PARAMETER)
-    return said
+    return float(value)
 
 
 def flag(parameters: Parameters, name: str) -> bool:
