@@ -14,7 +14,9 @@ import subprocess
 import sys
 from typing import Any
 
+from wasd_core.errors import Stopped
 from wasd_core.extras import install_line
+from wasd_core.signals import stop_requested
 
 from policy_player.spec import PolicyError
 
@@ -30,6 +32,7 @@ def look(path: Path) -> dict[str, Any]:
 
     Raises:
         PolicyError: it cannot be run.
+        Stopped: a stop signal came meanwhile.
     """
     if path.parent == OURS:
         return describe(open_session(str(path)))
@@ -41,9 +44,12 @@ def look(path: Path) -> dict[str, Any]:
             capture_output=True,
             timeout=PATIENCE,
             check=False,
+            start_new_session=True,  # Ctrl-C is for us
         )
     except subprocess.TimeoutExpired:
         raise PolicyError(f'the network does not run within {PATIENCE:g} s') from None
+    if stop_requested():
+        raise Stopped
     lines = done.stdout.decode(errors='replace').splitlines()
     try:
         found: dict[str, Any] = json.loads(lines[-1])

@@ -12,6 +12,7 @@ from dataclasses import replace
 import math
 from typing import Any
 
+from wasd_core.errors import did_you_mean
 from wasd_core.parameters import shown
 
 from policy_player.spec import (
@@ -32,6 +33,8 @@ from policy_player.spec import (
 _ABSOLUTE = 'joint_pos'
 # Of the deploy.yaml's mapping of terms, what are switches.
 _SWITCHES = ('use_gym_history', 'scale_first')
+# What it says of a term; its exporters may leave more there.
+_OF_TERM = ('params', 'scale', 'clip', 'history_length')
 _FREE = (-math.inf, math.inf)
 _ALL_FREE = ((-math.inf,), (math.inf,))
 # Steps that a term may show; 0 is 1.
@@ -55,6 +58,9 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
     def numbers(key: str, count: int) -> Numbers:
         found = _floats(words(key), f'metadata {key}')
         return check_numbers(found * count if len(found) == 1 else found, count, f'metadata {key}')
+
+    def number(key: str, usual: str) -> float:
+        return _floats([metadata.get(key, usual)], f'metadata {key}')[0]
 
     joints = tuple(words('joint_names'))
     count, called = len(joints), words('observation_names')
@@ -80,8 +86,9 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
         action_scale=numbers('action_scale', count),
         action_offset=default,
         terms=terms,
-        phase_period=_floats([metadata.get('phase_period', '0')], 'metadata phase_period')[0],
+        phase_period=number('phase_period', '0'),
         action_clip=_told_clip(metadata, count),
+        observation_clip=number('observation_clip', 'inf'),
         ranges=_told_pairs(metadata, 'command_ranges', 3),
         assumed=(f'a step of {USUAL_PERIOD:g} s',),
     )
@@ -174,7 +181,6 @@ def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
     action = _mapping(actions, 'JointPositionAction', where)
     if action.get('joint_ids') not in (None, list(range(count))):
         raise PolicyError(f'{where}.joint_ids: wanted all joints in their order')
-    offset = action.get('offset')
     observations = _mapping(values, 'observations')
     switches = {name: observations.get(name) or False for name in _SWITCHES}
     for name, value in switches.items():
@@ -192,9 +198,7 @@ def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
         damping=gains['damping'],
         default_position=default,
         action_scale=check_numbers(_need(action, 'scale', where), count, f'{where}.scale'),
-        action_offset=default
-        if offset is None
-        else check_numbers(offset, count, f'{where}.offset'),
+        action_offset=check_numbers(_need(action, 'offset', where), count, f'{where}.offset'),
         terms=terms,
         period=_numbers(values, 'step_dt')[0],
         target_clip=_limits(action.get('clip'), count, f'{where}.clip'),
@@ -213,6 +217,9 @@ def _deployed_term(name: str, said: Any, count: int, scales_first: bool) -> Term
         said = {}
     if not isinstance(said, dict):
         raise PolicyError(f'{where}: wanted scale, clip and history_length, got {str(said)[:40]}')
+    for key in said:
+        if key not in _OF_TERM and (meant := did_you_mean(str(key), _OF_TERM)):
+            raise PolicyError(f'{where}.{key}: not known{meant}')
     width = width_of(called, count)
     scale, clip = said.get('scale'), said.get('clip')
     length = said.get('history_length', 1)
@@ -432,10 +439,6 @@ def _gym_period(values: Mapping[str, Any]) -> float:
     return math.prod(check_numbers(parts, 2, 'simulation_dt, control_decimation'))
 
 
-def _legs(*order: str) -> tuple[str, ...]:
-    return tuple(f'{leg}_{part}_joint' for leg in order for part in ('hip', 'thigh', 'calf'))
-
-
 def legged_gym() -> PolicySpec:
     """Return what legged_gym's Go2 is trained with by default: 48 numbers, 50 Hz."""
     default = tuple(
@@ -445,7 +448,11 @@ def legged_gym() -> PolicySpec:
     )
     return PolicySpec(
         source='the preset legged_gym',
-        joints=_legs('FL', 'FR', 'RL', 'RR'),
+        joints=tuple(
+            f'{leg}_{part}_joint'
+            for leg in ('FL', 'FR', 'RL', 'RR')
+            for part in ('hip', 'thigh', 'calf')
+        ),
         stiffness=(20.0,) * 12,
         damping=(0.5,) * 12,
         default_position=default,
@@ -479,7 +486,7 @@ def playground() -> PolicySpec:
     default = (0.1, 0.9, -1.8, -0.1, 0.9, -1.8) * 2
     return PolicySpec(
         source='the preset playground',
-        joints=_legs('FR', 'FL', 'RR', 'RL'),
+        joints=MOTOR_ORDER[12],
         stiffness=(35.0,) * 12,
         damping=(0.5,) * 12,
         default_position=default,

@@ -3,12 +3,13 @@
 
 from typing import Any
 
+from robot_description.robot import Robot
 from wasd_core.errors import UserError
 
 
-def load_policy(path: str | None, config: str | None) -> Any:
+def load_policy(path: str | None, config: str | None, robot: Robot) -> Any:
     """
-    Return the `Player` of a network's file, or of its name; None without one.
+    Return the `Player` of a network's file, or of its name, for a robot; None without one.
 
     `config` is the file or preset that says how it was trained; None if the network says it.
 
@@ -22,5 +23,9 @@ def load_policy(path: str | None, config: str | None) -> Any:
     # Here, because few play one.
     from policy_player.player import Player
     from policy_player.policy_file import read_policy
+    from policy_player.usual import beyond_limits
 
-    return Player(read_policy(path, config))
+    policy = read_policy(path, config)
+    if beyond := beyond_limits(policy.spec, robot):
+        raise UserError(f'{policy.config or path}: {beyond}')
+    return Player(policy)

@@ -2,25 +2,23 @@
 """Writes layers as an ONNX file with what a policy was trained with, as mjlab does."""
 
 from collections.abc import Sequence
-import math
+from dataclasses import replace
 import os
 from pathlib import Path
 
 import numpy as np
 
-from policy_player.spec import PolicySpec
+from policy_player.formats import from_metadata
+from policy_player.spec import PolicyError, PolicySpec
 
-# What is written of our names of terms.
+# How terms are written that mjlab calls otherwise.
 _CALLED = {
     'linear_velocity': 'base_lin_vel',
     'angular_velocity': 'base_ang_vel',
     'gravity': 'projected_gravity',
-    'command': 'command',
     'joint_position': 'joint_pos',
     'joint_velocity': 'joint_vel',
     'last_action': 'actions',
-    'phase': 'phase',
-    'height_scan': 'height_scan',
 }
 # Versions of the format and of its operators.
 _VERSION, _OPERATORS = 8, 17
@@ -29,7 +27,19 @@ _VERSION, _OPERATORS = 8, 17
 def write_layers(
     path: str | os.PathLike[str], spec: PolicySpec, layers: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> None:
-    """Write linear layers, weight (out, in) and bias (out,), with ELU between them."""
+    """
+    Write linear layers, weight (out, in) and bias (out,), with ELU between them.
+
+    Raises:
+        PolicyError: the spec has what the file cannot say, such as steps of other than 20 ms.
+    """
+    metadata = metadata_of(spec)
+    written = _parts(from_metadata(metadata))
+    for name, given in _parts(spec).items():
+        if written[name] != given:
+            raise PolicyError(
+                f'{path}: {name}: got {given}, the file can only say {written[name]}'
+            )
     graph, name = b'', 'obs'
     for index, (weight, bias) in enumerate(layers):
         is_last = index == len(layers) - 1
@@ -44,34 +54,42 @@ def write_layers(
     graph += _field(12, _end('actions', layers[-1][0].shape[0]))
     model = _number(1, _VERSION) + _field(2, b'wasd') + _field(7, graph)
     model += _field(8, _field(1, b'') + _number(2, _OPERATORS))
-    for key, value in metadata_of(spec).items():
+    for key, value in metadata.items():
         model += _field(14, _field(1, key.encode()) + _field(2, value.encode()))
     Path(path).write_bytes(model)
 
 
 def metadata_of(spec: PolicySpec) -> dict[str, str]:
-    """Return what `from_metadata` reads; targets without clips."""
+    """Return what `from_metadata` reads."""
 
     def listed(values: Sequence[object]) -> str:
         return ','.join(map(str, values))
 
-    ranges = spec.ranges or ((-math.inf, math.inf),) * 3
     ends = [np.broadcast_to(end, len(spec.joints)).tolist() for end in spec.action_clip]
-    return {
+    told = {
         'joint_names': listed(spec.joints),
         'joint_stiffness': listed(spec.stiffness),
         'joint_damping': listed(spec.damping),
         'default_joint_pos': listed(spec.default_position),
         'action_scale': listed(spec.action_scale),
         'command_names': 'twist',
-        'observation_names': listed([_CALLED[term.name] for term in spec.terms]),
+        'observation_names': listed([_CALLED.get(term.name, term.name) for term in spec.terms]),
         'observation_terms_scale': listed([term.scale[0] for term in spec.terms]),
         'observation_terms_clip': listed([f'{a};{b}' for a, b in (t.clip for t in spec.terms)]),
         'observation_terms_history_length': listed([len(term.ages) for term in spec.terms]),
         'phase_period': str(spec.phase_period),
-        'command_ranges': listed([f'{low};{high}' for low, high in ranges]),
+        'observation_clip': str(spec.observation_clip),
         'action_clip': listed([f'{low};{high}' for low, high in zip(*ends, strict=True)]),
     }
+    if spec.ranges is not None:
+        told['command_ranges'] = listed([f'{low};{high}' for low, high in spec.ranges])
+    return told
+
+
+def _parts(spec: PolicySpec) -> dict[str, object]:
+    """Return what is played of a spec, by name; its clip of actions is always written."""
+    terms = {f'observation {term.name}': term for term in spec.terms}
+    return terms | vars(replace(spec, source='', assumed=(), action_clip=((), ())))
 
 
 def _varint(value: int) -> bytes:

@@ -52,7 +52,7 @@ class PolicyPlayerNode(Node):
         super().__init__('policy_player', parameter_overrides=parameter_overrides or [])
         settings = declare_parameters(self, PolicyNodeParameters)
         loaded = load_robot(settings.description)
-        player = load_policy(settings.policy or None, settings.policy_config or None)
+        player = load_policy(settings.policy or None, settings.policy_config or None, loaded.robot)
         joints = [joint.name for joint in loaded.robot.movable_joints if not joint.mimics]
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
         self._feeds = Feeds((), 0.0, '')

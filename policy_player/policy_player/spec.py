@@ -48,6 +48,7 @@ NAMES = {
     'actions': 'last_action',
     'height_scan': 'height_scan',
     'height_scanner': 'height_scan',
+    'height_scan_by_row': 'height_scan_by_row',
 }
 # The order of a robot's motors in its maker's interface, by how many there are: it is not written
 # in deploy.yaml. Of a Go2 it begins with the right front leg.
@@ -230,10 +231,9 @@ class PolicySpec:
         if takes % self.width == 0:
             return f': a history of {takes // self.width} steps?'
         known = {term.name for term in self.terms}
-        for name, width in WIDTHS.items():
-            if name not in known and self.width + (width or len(self.joints)) == takes:
-                return f': without {name}?'
-        return ''
+        more, count = takes - self.width, len(self.joints)
+        fits = [name for name in WIDTHS if name not in known and width_of(name, count) == more]
+        return f': without {" or ".join(fits)}?' if fits else ''
 
 
 def width_of(name: str, joints: int) -> int:

@@ -72,15 +72,19 @@ def read_torchscript(data: bytes) -> LayeredNetwork:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             files = _unpack(archive)
-    except (zipfile.BadZipFile, OSError, ValueError, EOFError, NotImplementedError) as error:
-        if isinstance(error, PolicyError):
-            raise
+    except PolicyError:
+        raise
+    except Exception:  # zipfile's, zlib's and struct's
         raise PolicyError(f'is no TorchScript file, or is cut short: {CURE}') from None
-    except Exception as error:  # zlib's and struct's
-        raise PolicyError(f'is no TorchScript file ({type(error).__name__}): {CURE}') from None
     if 'data.pkl' not in files or not any(name.startswith('code/') for name in files):
         raise PolicyError(f'is a checkpoint of training, no exported network: {CURE}')
-    root = _load(files)
+    try:
+        root = _Unpickler(files).load()
+    except PolicyError:
+        raise
+    except Exception as error:  # a pickle can break in any way
+        reason = ' '.join(str(error).split())[:100]
+        raise PolicyError(f'its modules cannot be read ({reason}): {CURE}') from None
     if not isinstance(root, Module):
         raise PolicyError(f'holds no module: {CURE}')
     try:
@@ -148,16 +152,6 @@ def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.nd
     step = storage.itemsize
     strides = [step * one for one in stride]
     return np.lib.stride_tricks.as_strided(storage[offset:], size, strides).copy()
-
-
-def _load(files: dict[str, bytes]) -> Any:
-    try:
-        return _Unpickler(files).load()
-    except PolicyError:
-        raise
-    except Exception as error:  # a pickle can break in any way
-        reason = ' '.join(str(error).split())[:100]
-        raise PolicyError(f'its modules cannot be read ({reason}): {CURE}') from None
 
 
 def _network(root: Module, files: dict[str, bytes]) -> LayeredNetwork:

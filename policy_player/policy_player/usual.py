@@ -5,12 +5,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from robot_description.robot import Robot
 
 from policy_player.spec import Numbers, PolicySpec
 
 # What public policies of robots of the Go2's size have: joint stiffness [N m/rad] and damping
 # [N m s/rad], rad an action, and the step [s].
 STIFFNESS, DAMPING, SCALE, STEP = (18.0, 50.0), (0.3, 3.0), (0.1, 0.5), 0.02
+# So far beyond its stop a joint of the default pose may be [rad].
+CLOSE = 0.1
 LEG_ORDERS = (
     ('FL', 'FR', 'RL', 'RR'),
     ('FR', 'FL', 'RR', 'RL'),
@@ -20,6 +23,16 @@ LEG_ORDERS = (
 def oddities(spec: PolicySpec) -> list[str]:
     """Return what is unusual, each with what it may be, in words."""
     return [*_odd_motors(spec), *_odd_terms(spec)]
+
+
+def beyond_limits(spec: PolicySpec, robot: Robot) -> str:
+    """Return which joint of the default pose is beyond its stops, in words; '' if none is."""
+    for name, angle in zip(spec.joints, spec.default_position, strict=True):
+        joint = robot.joints.get(name)
+        if joint and not joint.lower - CLOSE <= angle <= joint.upper + CLOSE:
+            ends = f'{joint.lower:.3g} to {joint.upper:.3g}'
+            return f'default pose: {name}: got {angle:g} rad, wanted {ends} (degrees?)'
+    return ''
 
 
 def _odd_motors(spec: PolicySpec) -> Iterator[str]:

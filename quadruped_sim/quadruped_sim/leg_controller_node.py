@@ -81,7 +81,9 @@ class LegControllerNode(Node):
         )
         description = None if legs else load_robot(settings.description)
         if description is not None:
-            walker = load_policy(settings.policy or None, settings.policy_config or None)
+            walker = load_policy(
+                settings.policy or None, settings.policy_config or None, description.robot
+            )
             legs = Legs(description, inform=self.get_logger().info, walker=walker)
         assert legs is not None
         self.legs = legs

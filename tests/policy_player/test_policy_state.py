@@ -212,6 +212,13 @@ def test_a_policy_of_another_robot_is_refused_by_its_joint(tmp_path, standing):
 
 
 @pytest.mark.slow
+def test_a_default_pose_that_the_robot_cannot_take_is_refused_by_its_joint(tmp_path, standing):
+    config = write(tmp_path, 'config.yaml', rl_sar(MOTORS, default_dof_pos=[0.0, 45.0, -90.0] * 4))
+    with pytest.raises(wasd.UserError, match=f'{config}: default pose: FR_thigh_joint: got 45'):
+        wasd.Go2(policy=standing[0], policy_config=config)
+
+
+@pytest.mark.slow
 def test_any_joint_order_stands_alike(tmp_path, standing):
     heights = []
     for name, order in (('a', MOTORS), ('b', tuple(reversed(MOTORS)))):

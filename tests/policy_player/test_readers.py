@@ -21,9 +21,9 @@ from policy_files import (
     torchscript,
     write,
 )
-from policy_player.formats import from_rl_gym, PRESETS
+from policy_player.formats import from_metadata, from_rl_gym, PRESETS
 from policy_player.observations import Observer
-from policy_player.onnx_writer import write_layers
+from policy_player.onnx_writer import metadata_of, write_layers
 from policy_player.player import Player
 from policy_player.policy_file import read_policy
 from policy_player.spec import MOTOR_ORDER, PolicyError, PolicySpec, Term
@@ -414,8 +414,8 @@ def test_a_policy_of_two_lengths_cannot_be_stacked_by_time(tmp_path):
         read_policy(path, write(tmp_path, 'deploy.yaml', said))
 
 
-@pytest.mark.slow
-def test_what_is_written_is_read_again(tmp_path, rng):
+def written_spec(**changes):
+    """Return a spec that `write_layers` can say, but for `changes`."""
     terms = ('angular_velocity', 'gravity', 'command', 'joint_position', 'joint_velocity')
     spec = PolicySpec(
         source='ours',
@@ -429,6 +429,12 @@ def test_what_is_written_is_read_again(tmp_path, rng):
         phase_period=0.4,
         ranges=((-0.6, 1.3), (-0.4, 0.4), (-1.0, 1.0)),
     )
+    return replace(spec, **changes)
+
+
+@pytest.mark.slow
+def test_what_is_written_is_read_again(tmp_path, rng):
+    spec = written_spec()
     weights, biases = layers(rng, spec.width, 16, 12)
     write_layers(tmp_path / 'a.onnx', spec, list(zip(weights, biases, strict=True)))
     policy = read_policy(tmp_path / 'a.onnx')
@@ -436,6 +442,34 @@ def test_what_is_written_is_read_again(tmp_path, rng):
     assert replace(policy.spec, **changes) == spec
     shown = rng.normal(size=spec.width).astype(np.float32)
     np.testing.assert_allclose(policy.network(shown), run(weights, biases, shown), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ('name', 'spec'),
+    [
+        ('period: got 0.01,', written_spec(period=0.01)),
+        ('action_offset: ', written_spec(action_offset=(0.1, 0.8, -1.6) * 4)),
+        ('target_clip: ', written_spec(target_clip=((-1.0,) * 12, (1.0,) * 12))),
+        ('begins_with_zeros: ', written_spec(begins_with_zeros=True)),
+        ('by_time: ', written_spec(terms=(Term(name='gravity', ages=(1, 0)),), by_time=True)),
+        ('observation gravity: ', written_spec(terms=(Term(name='gravity', ages=(0, 1)),))),
+        ('observation command: ', PRESETS['legged_gym_rough']()),
+    ],
+)
+def test_what_the_file_cannot_say_is_not_written(tmp_path, name, spec):
+    path = tmp_path / 'a.onnx'
+    with pytest.raises(PolicyError) as error:
+        write_layers(path, spec, [(np.zeros((12, spec.width)), np.zeros(12))])
+    assert str(error.value).startswith(f'{path}: {name}')
+    assert not path.exists()
+
+
+def test_all_that_the_file_can_say_is_written():
+    changes = ({}, {'ranges': None}, {'observation_clip': 9.0}, {'action_clip': ((-1.0,), (1.0,))})
+    for spec in (*(written_spec(**each) for each in changes), read_policy('ours').spec):
+        read = from_metadata(metadata_of(spec))
+        for name in ('ranges', 'observation_clip', 'terms', 'period'):
+            assert getattr(read, name) == getattr(spec, name)
 
 
 def test_the_clock_of_the_phase_begins_with_the_policy():

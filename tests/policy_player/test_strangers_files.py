@@ -2,6 +2,7 @@
 """Files of strangers: nothing of them runs, and what is wrong is said in one line."""
 
 import pickle
+import signal
 import subprocess
 import sys
 import zipfile
@@ -28,9 +29,11 @@ from policy_files import (
 from policy_player.policy_file import read_policy
 from policy_player.spec import PolicyError
 import pytest
+from wasd_core.errors import Stopped
+from wasd_core.signals import StopSignals
 import yaml
 
-from policy_player import policy_file
+from policy_player import first_look, policy_file
 
 pytest.importorskip('onnxruntime')
 ZERO = constant(45, np.zeros(12))
@@ -58,7 +61,7 @@ def policy(tmp_path):
 
 
 turned = {'base_velocity': {'ranges': {'lin_vel_x': [1, -1], 'lin_vel_y': 0, 'ang_vel_z': 0}}}
-crossed = {'scale': 0.25, 'clip': [[1, -1]] * 12}
+crossed = {'scale': 0.25, 'offset': 0.0, 'clip': [[1, -1]] * 12}
 
 
 @for_all(
@@ -72,6 +75,12 @@ crossed = {'scale': 0.25, 'clip': [[1, -1]] * 12}
         ({'observations': {'base_ang_vel': {'scale': [1, 2]}}}, 'base_ang_vel.scale: got 2'),
         ({'observations': {'base_ang_vel': {'history_length': -1}}}, 'history_length: got -1'),
         ({'observations': {}}, 'observations: there are none'),
+        (
+            {'observations': {'base_ang_vel': {'scal': [1]}}},
+            'scal: not known, did you mean scale?',
+        ),
+        ({'observations': {'last_action': {'history_lenght': 5}}}, 'did you mean history_length?'),
+        ({'actions': {'JointPositionAction': {'scale': 1.0}}}, 'Action.offset: it is missing'),
         ({'joint_ids_map': [0, 0, 1]}, 'joint_ids_map: got'),
         ({'joint_ids_map': list(range(11))}, 'the order of 11 motors is not known'),
         ({'stiffness': [20.0] * 11}, 'stiffness: got 11 numbers, wanted 12'),
@@ -174,7 +183,12 @@ def test_a_name_that_is_there_twice_is_told_with_its_line(tmp_path, policy):
 
 
 def test_a_missing_history_and_another_width_are_told_by_their_terms(tmp_path):
-    for width, words in ((270, 'a history of 6 steps?'), (48, 'without linear_velocity?')):
+    heights = 'without height_scan or height_scan_by_row?'
+    for width, words in (
+        (270, 'a history of 6 steps?'),
+        (48, 'without linear_velocity?'),
+        (45 + 187, heights),
+    ):
         path = tmp_path / 'policy.pt'
         path.write_bytes(torchscript(exporter(*constant(width, np.zeros(12)))))
         text = refusal(path, write(tmp_path, 'deploy.yaml', deploy(MOTORS)))
@@ -423,3 +437,17 @@ def test_older_files_of_rl_sar_name_controllers_and_reduce_hips(tmp_path, policy
 
 
 PARTS = ('hip', 'thigh', 'calf')
+
+
+def test_a_stop_while_a_network_is_looked_at_blames_no_network(tmp_path, monkeypatch):
+    def end_with_us(words, **options):
+        """Return what a terminal's Ctrl-C leaves of who is in its process group."""
+        assert options['start_new_session']
+        return subprocess.CompletedProcess(words, -signal.SIGINT, b'', b'')
+
+    stop = StopSignals()
+    stop.number = signal.SIGINT
+    monkeypatch.setattr(StopSignals, 'entered', [stop])
+    monkeypatch.setattr(first_look.subprocess, 'run', end_with_us)
+    with pytest.raises(Stopped):
+        first_look.look(tmp_path / 'a.onnx')

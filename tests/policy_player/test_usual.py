@@ -7,7 +7,8 @@ from cases import for_all
 from policy_files import MOTORS
 from policy_player.formats import legged_gym
 from policy_player.spec import PolicySpec, Term
-from policy_player.usual import oddities, order_of, orders, variants
+from policy_player.usual import beyond_limits, oddities, order_of, orders, variants
+from robot_description.description import load_robot
 
 POSE = (0.0, 0.8, -1.5) * 4
 # As rl_sar's Go2 of robot_lab.
@@ -50,6 +51,18 @@ SILENT = {
 
 def test_nothing_is_odd_about_a_public_policy():
     assert oddities(SPEC) == []
+
+
+def test_a_default_pose_in_degrees_is_told_and_one_at_its_stops_is_not():
+    robot = load_robot('go2').robot
+    knee = robot.joints['FL_calf_joint']
+    folded = (0.0, 0.8, knee.lower - 0.01) * 4
+    assert beyond_limits(SPEC, robot) == ''
+    assert beyond_limits(replace(SPEC, default_position=folded), robot) == ''
+    degrees = replace(SPEC, default_position=(0.0, 45.0, -90.0) * 4)
+    words = 'default pose: FR_thigh_joint: got 45 rad, wanted -1.57 to 3.49 (degrees?)'
+    assert beyond_limits(degrees, robot) == words
+    assert beyond_limits(replace(degrees, joints=tuple('abcdefghijkl')), robot) == ''
 
 
 @for_all('mistake', SILENT)

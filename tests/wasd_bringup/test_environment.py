@@ -196,7 +196,7 @@ def test_physics_steps_as_told_but_for_those_around_the_beginning_of_a_command()
 def test_a_network_of_the_environment_is_written_and_read_as_it_was_trained(tmp_path):
     write_layers(str(tmp_path / 'a.onnx'), SPEC, [(np.zeros((12, SPEC.width)), np.zeros(12))])
     spec = read_policy(tmp_path / 'a.onnx').spec
-    assert replace(spec, source=NAME, assumed=(), observation_clip=100.0) == SPEC
+    assert replace(spec, source=NAME, assumed=()) == SPEC
 
 
 def test_what_the_documented_script_learns_is_played_as_it_was_trained(tmp_path):
@@ -205,7 +205,7 @@ def test_what_the_documented_script_learns_is_played_as_it_was_trained(tmp_path)
     command = [sys.executable, ROOT / 'docs/examples/train_ppo.py', '4096', file]
     subprocess.run(command, check=True, capture_output=True)
     spec = read_policy(file).spec
-    assert replace(spec, source=NAME, assumed=(), observation_clip=100.0) == SPEC
+    assert replace(spec, source=NAME, assumed=()) == SPEC
     dog = wasd.Go2(policy=file)
     dog.press('2')
     dog.run(2.5)

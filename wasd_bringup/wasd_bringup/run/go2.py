@@ -73,7 +73,7 @@ class Go2(Robot):
         walker = options.policy
         if walker is None or isinstance(walker, str):
             config = settings.policy_config or options.policy_config
-            walker = load_policy(settings.policy or walker, config)
+            walker = load_policy(settings.policy or walker, config, loaded.robot)
         self.legs = Legs(loaded, settings, self.log.info, walker)
         quadruped = self.legs.model.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)

@@ -55,7 +55,7 @@ class Legged(Robot):
                     f'--preset {options.preset}: {self.name} needs the key {self.named(key)} '
                     f'itself ({STATE_KEYS.get(key, HOIST)}): take another preset'
                 )
-        player = load_policy(options.policy, options.policy_config)
+        player = load_policy(options.policy, options.policy_config, loaded.robot)
         joints = world.motor_names
         self.controller = JointController(joints, stand_of(loaded, joints, player), player)
         self.controller.means = Means('--policy FILE', self.named(HOIST_KEY), RESET_KEY)

@@ -12,7 +12,7 @@ import numpy as np
 from policy_player.player import Player
 from policy_player.policy_file import duration_of, Policy, read_policy
 from policy_player.spec import PolicySpec
-from policy_player.usual import oddities, order_of, variants
+from policy_player.usual import beyond_limits, oddities, order_of, variants
 from quadruped_sim.states.policy import SETTLE_TIME
 from wasd.robots import Go2
 from wasd_core.robot_io import JointTargets, Senses
@@ -263,6 +263,9 @@ def describe_policy_command(arguments: argparse.Namespace) -> int:
     if arguments.no_trial:
         return int(bool(odd))
     stand = Stand(policy.spec.joints)
+    if beyond := beyond_limits(policy.spec, stand.dog._robot.description.robot):
+        odd.append(beyond)
+        print(f'odd          {beyond}')
     for line in simulator_lines(stand.dog._robot.world):
         print(line)
     trial = stand.try_policy(policy)
