@@ -2,6 +2,7 @@
 """`--no-ros`: a run loads nothing of ROS, and is the same run."""
 
 import json
+import logging
 from pathlib import Path
 import re
 import subprocess
@@ -9,6 +10,8 @@ import sys
 from typing import Any
 
 import pytest
+from wasd_bringup.cli.run_command import _make_plain_run
+from wasd_bringup.run.options import RunOptions
 
 pytestmark = pytest.mark.slow
 
@@ -73,6 +76,17 @@ def test_a_run_without_ros_loads_none_of_it_and_has_the_same_samples(
         loaded = done.stderr.partition('LOADED')[2].split()
         assert not is_watched or bool(loaded) is not bool(more), loaded
     assert found['--no-ros'] == found['']
+
+
+def test_without_ros_too_it_is_logged_why_the_legs_let_go(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(logging.getLogger('wasd'), 'handlers', [])
+    options = RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0)
+    run = _make_plain_run(options, None, False, [])
+    run.robot.let_go()
+    assert 'go2: press 2 to stand (passive: emergency stop)' in caplog.messages
+    run.close()
 
 
 @pytest.mark.parametrize(

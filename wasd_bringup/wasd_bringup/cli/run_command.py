@@ -127,8 +127,11 @@ def _make_plain_run(
     run = Run(options, reader, visuals)
     ends.append(run.close)
     for robot in run.robots:
+        tell = functools.partial(robot.log.warning, '%s: %s', robot.name)
         for note in robot.notes:
-            robot.log.warning('%s: %s', robot.name, note)
+            tell(note)
+        if legs := getattr(robot, 'legs', None):
+            legs.on_said = tell
     if options.interactive:
         # What is said while it runs is in the status line; a log would break that line.
         log.setLevel(logging.ERROR)
