@@ -109,10 +109,11 @@ and cameras; the table has those of the built-in robots.
 
 %s
 
-*Quality*: every publisher offers reliable delivery, so every tool gets every topic, with any
-quality of service. *Best effort* is the request of our subscriber: it must not wait for lost
-sensor data (REP 2003). A *latched* topic (transient local) gives its last message to late
-subscribers. The profiles are in `wasd_core/topics.py`.
+*Quality*: every publisher offers reliable delivery, so every tool gets every topic, with either
+reliability. Send commands reliably: `cmd_vel` and `keys` take no best effort. *Best effort* is
+the request of our subscriber: it must not wait for lost sensor data (REP 2003). A *latched*
+topic (transient local) gives its last message to late subscribers. The profiles are in
+`wasd_core/topics.py`.
 
 `/tf` and `/tf_static` need the package tf2_msgs: see [install](install.md).
 

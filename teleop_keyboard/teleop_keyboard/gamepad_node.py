@@ -16,7 +16,7 @@ from wasd_core.node import run_node
 from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
-from wasd_core.timing import STOP_KEY
+from wasd_core.timing import SHORTEST_ABSENCE, STOP_KEY
 from wasd_core.topics import AbsenceWatch, EVENTS, LoopbackSubscription, RELIABLE, watch_types
 
 from teleop_keyboard.gamepad import JoyState, JoyToTwist, JoyTwist, PadKeys, USUAL_CONTROLS
@@ -80,6 +80,7 @@ class GamepadNode(Node):
             self, Joy, 'joy', self._on_joy, is_stale=self._absence.is_stale
         )
         self._is_own = False  # the last state, not another machine's
+        self._heard_at, self._moved = 0.0, True  # unknown pads may move
         self._is_known = self._was_disarmed = False
         self._problem = ''
         self._looked_at = time.monotonic()
@@ -198,10 +199,15 @@ class GamepadNode(Node):
         self._on_joy(message, is_own=True)
 
     def _on_joy(self, message: Joy, is_own: bool = False) -> None:
+        silent, self._heard_at = time.monotonic() - self._heard_at, time.monotonic()
+        if self._moved and silent > SHORTEST_ABSENCE and not is_own:
+            self.disarm()  # a pad that has come, or comes again
+            self._keys.reset()
         self._is_own = is_own
         state = from_joy(message)
         # Before the keys: a key that stops the robot comes last.
         velocity = self.logic.step(state)
+        self._moved = any(velocity or ())
         if velocity is not None:
             self._output.drive(velocity)
         for key in self._keys.step(state):

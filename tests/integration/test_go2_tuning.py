@@ -58,11 +58,12 @@ def test_a_replay_walks_by_the_same_file(wasd):
         (('--controller', 'bad.yaml'), f'bad.yaml:1: {REFUSED}'),
         (
             ('--ros-args', '-p', 'gait.slow_period:=-1.0'),
-            REFUSED,
+            f'leg_controller: {REFUSED}',
         ),
         (
             ('--ros-args', '-p', 'gait.slow_periode:=1.0'),
-            "unknown parameter 'gait.slow_periode', did you mean gait.slow_period?",
+            "leg_controller: unknown parameter 'gait.slow_periode', "
+            'did you mean gait.slow_period?',
         ),
     ],
 )

@@ -126,6 +126,8 @@ def test_what_is_held_on_a_pad_of_another_machine_over_a_disarm_drives_after_it_
     overrides = [Parameter('device', value=str(tmp_path / 'none'))]
     node = spawn(GamepadNode(output=taker.output, parameter_overrides=overrides))
     held, free = (Joy(axes=[0.0, 1.0], buttons=[0, 0, 0, 0, down]) for down in (1, 0))
+    node.joy._callback(free)
+    taker.velocities.clear()
     node.joy._callback(held)
     assert taker.velocities == [JoyTwist(vx=0.3)]
     node.disarm()
@@ -275,3 +277,25 @@ def test_alone_it_publishes_cmd_vel_and_a_pad_on_another_machine_drives_too(
     spin_until(spawn.pump, lambda: peer.said == ['STOP'], step=peer.look)
     assert speeds()[-1] == 0.0
     node.close()
+
+
+def test_a_pad_of_another_machine_that_comes_held_drives_after_its_release(spawn, taker):
+    node = spawn(GamepadNode(output=taker.output))
+    held, free = (Joy(axes=[0.0, 1.0], buttons=[0, 0, 0, 0, down]) for down in (1, 0))
+    for _ in range(2):
+        for message in (held, held):
+            node.joy.hear(message)
+            assert not any(map(any, taker.velocities))
+        node.joy.hear(free)
+        node.joy.hear(held)
+        assert taker.velocities[-1].vx > 0.0
+        taker.velocities.clear()
+        node._heard_at -= 1.0  # it was silent
+
+
+def test_a_pad_that_tells_changes_alone_drives_by_a_button_held_at_rest(spawn, taker):
+    node = spawn(GamepadNode(output=taker.output))
+    for axis, down in ((0.0, 0), (0.0, 1), (1.0, 1)):
+        node.joy.hear(Joy(axes=[0.0, axis], buttons=[0, 0, 0, 0, down]))
+        node._heard_at -= 1.0  # it is silent
+    assert taker.velocities[-1].vx > 0.0

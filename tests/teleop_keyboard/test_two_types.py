@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from geometry_msgs.msg import Twist, TwistStamped
 import pytest
@@ -70,3 +71,19 @@ def test_a_remapping_that_gives_a_topic_two_types_is_one_line(ros_domain):
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith(b'error: ROS: Failed to create')
     assert b'Traceback' not in done.stderr
+
+
+def test_a_peer_is_named_once_its_name_has_come(spawn):
+    node, said, names = spawn(rclpy.create_node('taker')), [], ['_NODE_NAME_UNKNOWN_', 'there']
+    node.get_logger().error = said.append
+    kind = 'geometry_msgs/msg/TwistStamped'
+    node.get_publishers_info_by_topic = lambda topic: [
+        SimpleNamespace(node_name=names[0], topic_type=kind)
+    ]
+    VelocitySubscription(node, lambda velocity, age: True)
+    (look,) = [each.callback for each in node.timers if 'watch_types' in str(each.callback)]
+    look()
+    assert said == []
+    names.pop(0)
+    look()
+    assert '/cmd_vel: there has TwistStamped' in said[0]

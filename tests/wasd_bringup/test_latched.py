@@ -229,7 +229,8 @@ def test_who_stops_the_legs_by_their_service_is_told_how_they_move_again(held_of
 def test_the_service_releases_it(held_of):
     held = held_of('mbot')
     held.stop('service')
-    held.face.drivers._on_release()
+    assert held.face.drivers._on_release() == (True, 'released: drive again')
+    assert held.face.drivers._on_release() == (True, 'no stop holds')
     place = held.place
     held.run(1.0)
     assert math.dist(held.place, place) > 0.1

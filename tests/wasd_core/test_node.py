@@ -85,12 +85,12 @@ def test_what_is_given_at_start_counts(spawn):
     [
         ({'speed': -1.0}, 'speed must be > 0 m/s, got -1.0'),
         ({'speed': float('nan')}, 'speed must be a finite number, got nan'),
-        ({'speed': 'fast'}, "^speed must be a number, got 'fast'"),
-        ({'speed': True}, '^speed must be a number, got True'),
-        ({'speed': 0}, '^speed must be > 0 m/s, got 0.0'),
-        ({'share': 2}, '^share must be >= 0 and <= 1, got 2.0'),
-        ({'share': 2.0}, '^share must be >= 0 and <= 1, got 2.0'),
-        ({'mode': 2}, '^mode: '),
+        ({'speed': 'fast'}, "^arm: speed must be a number, got 'fast'"),
+        ({'speed': True}, '^arm: speed must be a number, got True'),
+        ({'speed': 0}, '^arm: speed must be > 0 m/s, got 0.0'),
+        ({'share': 2}, '^arm: share must be >= 0 and <= 1, got 2.0'),
+        ({'share': 2.0}, '^arm: share must be >= 0 and <= 1, got 2.0'),
+        ({'mode': 2}, '^arm: .*mode'),
         ({'mode': 'drift'}, 'mode must be one of hold, latch'),
     ],
 )
@@ -290,6 +290,19 @@ def test_a_misspelt_parameter_is_told_and_one_of_another_node_is_not(ros, name, 
     driver = Driver()
     assert misspelt_parameters(driver) == ([said] if said else [])
     driver.destroy_node()
+
+
+def test_what_one_of_two_sets_of_a_node_refuses_changes_nothing_of_the_other(spawn):
+    @dataclass(frozen=True, kw_only=True)
+    class Hand(Parameters):
+        grip: float = parameter(1.0, doc='Grip', minimum=0.0)
+
+    node, other = spawn(ArmNode()), []
+    declare_parameters(node, Hand, other.append)
+    for changes in ({'speed': 0.5, 'grip': -1.0}, {'speed': -1.0, 'grip': 0.5}):
+        asked = [Parameter(name, value=value) for name, value in changes.items()]
+        assert not node.set_parameters_atomically(asked).successful
+    assert node.changes == other == []
 
 
 def test_the_pump_handles_what_is_there_and_returns(spawn, spin_until):

@@ -4,6 +4,7 @@
 import array
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
+import functools
 import itertools
 import math
 from types import MethodType
@@ -85,20 +86,20 @@ def declare_parameters(
     values: dict[str, Any] = {}
     before = definition() if defaults is None else defaults
     known = known_parameters(definition)
-    _refuse_unknown(node, definition, known)
-    for name, (field, _) in known.items():
-        default = before.value(name)
-        given = node._parameter_overrides.get(name)
-        if given is not None and _is_plain({type(field.default), type(given.value)}):
-            # ROS would say less of a range, and breaks on text that is no UTF-8.
-            definition.checked(name, given.value)
-        try:
+    try:
+        _refuse_unknown(node, definition, known)
+        for name, (field, _) in known.items():
+            given = node._parameter_overrides.get(name)
+            if given is not None and _is_plain({type(field.default), type(given.value)}):
+                # ROS would say less of a range, and breaks on text that is no UTF-8.
+                definition.checked(name, given.value)
+            default = before.value(name)
             value = list(default) if isinstance(default, tuple) else default
             declared = node.declare_parameter(name, value, to_descriptor(field))
-        except rclpy.exceptions.ParameterException as error:
-            raise InvalidParameter(f'{name}: {error}') from None
-        values[name] = _from_ros(declared.value)
-    current = before.changed(values)
+            values[name] = _from_ros(declared.value)
+        current = before.changed(values)
+    except (InvalidParameter, rclpy.exceptions.ParameterException) as error:
+        raise InvalidParameter(f'{node.get_name()}: {error}') from None
     _take_changes(node, current, known, on_change)
     return current
 
@@ -133,7 +134,7 @@ def _take_changes(
     is_own = isinstance(on_change, MethodType) and on_change.__self__ is node
     listener = WeakMethod(cast(MethodType, on_change)) if is_own else lambda: on_change
 
-    def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
+    def set_parameters(changes: 'Sequence[Parameter]', tells: bool = False) -> SetParametersResult:
         nonlocal current
         wanted = {
             change.name: _from_ros(change.value) for change in changes if change.name in known
@@ -142,15 +143,18 @@ def _take_changes(
             return SetParametersResult(successful=True)
         try:
             changed = current.changed(wanted)
-            tell = listener()
+            tell = listener() if tells else None
             if tell is not None:
                 tell(changed)
         except (InvalidParameter, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
-        current = changed
+        if tells:
+            current = changed
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(set_parameters)
+    # After the checks of all sets of a node: where one refuses, none changes.
+    node._on_set_parameters_callbacks.append(functools.partial(set_parameters, tells=True))
 
 
 def _refuse_unknown(node: Node, definition: type[Parameters], known: Mapping[str, Known]) -> None:

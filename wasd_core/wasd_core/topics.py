@@ -2,10 +2,10 @@
 """
 Additions to rclpy's topics: quality of service, subscribers, lost publishers, echoes.
 
-Publishers offer the most, subscribers ask for the least. So every ROS tool gets every topic
-whatever it asks for, and a sensor's consumer never waits for a lost message. That is REP 2003 for
-sensors (source: system default, which is reliable; consumer: sensor data, best effort) and the
-habit of robot_state_publisher, tf2 and rclcpp for the others.
+Publishers offer the most, subscribers to sensors ask for the least. So every ROS tool gets every
+topic with either reliability, and a sensor's consumer never waits for a lost message. That is
+REP 2003 for sensors (source: system default, which is reliable; consumer: sensor data, best
+effort) and the habit of robot_state_publisher, tf2 and rclcpp for the others.
 """
 
 from collections import deque
@@ -277,6 +277,8 @@ class LoopbackSubscription(Generic[Message]):
         self._looked_at = time.monotonic()
 
 
+# What the middleware calls a node whose topics have come before its name.
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 # How often peers of the other type are looked for [s, wall time].
 TYPES_PERIOD = 0.5
 
@@ -295,7 +297,7 @@ def watch_types(node: Node, kind: type[Any], *topics: str) -> None:
                 end.node_name
                 for end in ends
                 if VELOCITY_TYPES.get(end.topic_type, kind) is not kind
-            }
+            } - {UNKNOWN_NODE}  # its name comes soon
             if strange:
                 watched.remove(topic)
                 names, ours = ', '.join(sorted(strange)), kind.__name__

@@ -23,7 +23,7 @@ class DriversNode(Node):
     def __init__(self, namespace: str = '') -> None:
         super().__init__('drivers', namespace=namespace)
         self.on_stop: Callable[[str], None] = lambda by: None
-        self.on_release: Callable[[], None] = lambda: None
+        self.on_release: Callable[[], bool] = lambda: False
         self._told: DriverState | None = None
         self._publisher = self.create_publisher(DiagnosticStatus, 'driver', LATCHED)
         self.create_subscription(Bool, 'e_stop', self._on_topic, RELIABLE)
@@ -45,8 +45,7 @@ class DriversNode(Node):
         return True, 'stopped'
 
     def _on_release(self) -> tuple[bool, str]:
-        self.on_release()
-        return True, 'released: drive again'
+        return True, 'released: drive again' if self.on_release() else 'no stop holds'
 
 
 def to_status(state: DriverState, name: str) -> DiagnosticStatus:

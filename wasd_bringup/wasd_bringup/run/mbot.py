@@ -181,7 +181,9 @@ class Mbot(Robot):
         """Give the controller a velocity [m/s], [m/s], [rad/s] of any source, `age` [s] old."""
         linear, lateral, angular = velocity
         if not self.drive_unit.controller.command(linear, angular, age):
-            self.say(f'velocity {linear:g} {lateral:g} {angular:g} is not finite: ignored')
+            words = f'velocity {linear:g} {lateral:g} {angular:g} is not finite: ignored'
+            if self.notice.say(words):
+                self.log.warning(words)
 
     def control(self) -> None:
         """Step the controller on the present state, and give its command to the world."""

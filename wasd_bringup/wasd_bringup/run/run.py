@@ -254,10 +254,12 @@ class Run:
             robot.e_stop(by)
             self.press_for(number, robot.stop_keys, E_STOP)
 
-    def end_e_stop(self) -> None:
-        """Release a latched stop."""
+    def end_e_stop(self) -> bool:
+        """Release a latched stop; return whether one held."""
+        held = any(robot.stop_words for robot in self.robots)
         for robot in self.robots:
             robot.end_e_stop()
+        return held
 
     def join(self, driver: Driver) -> None:
         """Add a driver; the run calls it like the others, and closes it at the end."""
