@@ -97,10 +97,8 @@ def add_footprint(workspace: Workspace) -> Iterator[Edit]:
     indent = '  ' if before.strip() else before
     # How far below the root the wheels touch the ground [m].
     height = max(wheel.radius - wheel.z for wheel in find_wheels(model))
-    root = next(link for link in model.links if link not in model.joint_above)
-    text = TEXT.format(
-        indent=indent, footprint=FOOTPRINT, height=height, root=escape(root, QUOTES)
-    )
+    root = escape(next(link for link in model.links if link not in model.joint_above), QUOTES)
+    text = TEXT.format(indent=indent, footprint=FOOTPRINT, height=height, root=root)
     text = text if is_alone else '\n' + text
     if data[:line_start].endswith(b'\r\n'):
         text = text.replace('\n', '\r\n')
