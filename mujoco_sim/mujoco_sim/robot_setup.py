@@ -92,9 +92,10 @@ def usual_setup(
     """
     if description.why_no_quadruped:
         robot, drive = description.robot, description.drive
-        lowest = lowest_point(robot)
+        resting = robot.rest_positions
+        lowest = lowest_point(robot, poses=robot.link_poses(resting))
         return RobotSetup(
-            joint_positions=robot.rest_positions,
+            joint_positions=resting,
             height=-lowest if -math.inf < lowest < -ROUNDING else 0.0,
             reflected_inertia=rotors(robot, drive),
             held=held_joints(robot, drive),

@@ -160,7 +160,8 @@ def parse_urdf(text: str) -> Robot:
     Parse URDF text.
 
     A root without mass and shapes on which all else hangs by a planar or floating joint stands
-    for the robot's surroundings: it is left out with the joint, and the child is the root.
+    for the robot's surroundings, as do more such links above one: they are left out with their
+    joints, and the child is the root.
 
     Raises:
         DescriptionError: not XML, no links, a name or a child used twice, a joint to a link that
@@ -173,9 +174,11 @@ def parse_urdf(text: str) -> Robot:
     links = _by_name([_link(tag, colours) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
     root, notes = _find_root(links, joints), list(_notes(tree))
-    while (joint := _free_joint(links[root], joints)) is not None:
-        notes.append(f'joint {joint.name!r} lets the robot move freely in {root!r}: it floats')
-        del links[root], joints[joint.name]
+    for joint in _joints_around(root, links, joints):
+        if joint.kind in LOOSE:
+            moves = f'move freely in {joint.parent!r}: it floats'
+            notes.append(f'joint {joint.name!r} lets the robot {moves}')
+        del links[joint.parent], joints[joint.name]
         root = joint.child
     _check_mimics(joints)
     friction, self_collide = _friction(tree), _self_collide(tree)
@@ -184,11 +187,21 @@ def parse_urdf(text: str) -> Robot:
     return Robot(name, root, links, joints, friction, self_collide, gazebo, notes=tuple(notes))
 
 
-def _free_joint(root: Link, joints: Mapping[str, Joint]) -> Joint | None:
-    """Return the joint by which a robot moves freely in what its root stands for, if it does."""
-    on_root = [joint for joint in joints.values() if joint.parent == root.name]
-    is_free = len(on_root) == 1 and on_root[0].kind in LOOSE
-    return on_root[0] if is_free and not root.mass and not root.shapes else None
+def _joints_around(
+    root: str, links: Mapping[str, Link], joints: Mapping[str, Joint]
+) -> list[Joint]:
+    """Return the joints from the root down to the last by which the robot moves freely."""
+    on: dict[str, list[Joint]] = {}
+    for joint in joints.values():
+        on.setdefault(joint.parent, []).append(joint)
+    found, last = list[Joint](), 0
+    while len(on.get(root, ())) == 1 and not links[root].mass and not links[root].shapes:
+        found += on[root]
+        if found[-1].is_movable:
+            break
+        root = found[-1].child
+        last = len(found) if found[-1].kind in LOOSE else last
+    return found[:last]
 
 
 def _notes(tree: ElementTree.Element) -> Iterator[str]:

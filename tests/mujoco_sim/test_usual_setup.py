@@ -53,6 +53,19 @@ def test_joints_begin_within_their_stops_and_where_what_they_mimic_has_them():
     assert found == pytest.approx({'a': 0.5, 'b': 3.0, 'c': 1.5}, abs=1e-6)
 
 
+def test_a_robot_stands_on_what_is_lowest_where_its_joints_begin():
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    foot = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    read = parse_description(
+        f'<robot name="r"><link name="base">{body}</link><link name="foot">{body}{foot}</link>'
+        '<joint name="j" type="prismatic"><parent link="base"/><child link="foot"/>'
+        '<axis xyz="0 0 -1"/><limit lower="0.1" upper="0.3" effort="0" velocity="1"/></joint>'
+        '</robot>',
+        Path('r.urdf'),
+    )
+    assert build_world(read, setup=usual_setup(read)).base().position[2] == pytest.approx(0.15)
+
+
 def test_what_floats_on_a_world_is_put_on_the_floor_wherever_its_joint_has_it():
     body = (
         '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'

@@ -58,6 +58,20 @@ def test_an_empty_root_in_which_a_robot_moves_freely_is_no_part_of_it(name, kind
     )
 
 
+def test_frames_above_a_joint_on_which_a_robot_moves_freely_are_no_part_of_it():
+    frames = joint('map', 'odom', 'fixed') + joint('odom', 'foot', 'planar')
+    rest = joint('foot', 'base', 'fixed') + joint('base', 'a')
+    read = parse_urdf(robot('map', 'odom', 'foot', 'base', 'a', rest=frames + rest))
+    assert (read.root, list(read.joints)) == ('foot', ['foot_base', 'base_a'])
+    assert list(read.links) == ['foot', 'base', 'a']
+    moved = parse_urdf(
+        robot(
+            'map', 'odom', 'foot', 'base', 'a', rest=frames.replace('fixed', 'continuous') + rest
+        )
+    )
+    assert (moved.root, len(moved.joints)) == ('map', 4)
+
+
 @for_all(
     'inside, more',
     [

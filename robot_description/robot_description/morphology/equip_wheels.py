@@ -6,13 +6,14 @@ See "The motor" in docs/diff_drive.md; why a motor's torque falls linearly with 
 Powell, Emami-Naeini, Feedback Control of Dynamic Systems, section 2.3.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 import math
 from typing import NamedTuple
 
 import numpy as np
 from wasd_core.robot_io import GRAVITY, TIME_STEP
-from wasd_core.rotations import Origin, rpy_from_matrix
+from wasd_core.rotations import Origin, Pose, rpy_from_matrix
 
 from robot_description.meshes.load import mesh_points
 from robot_description.morphology.rollers import rolling_joints
@@ -225,19 +226,23 @@ def _with_tyre(link: Link, axis: np.ndarray, tyre: Tyre) -> Link:
     return replace(link, shapes=(*link.visuals, rolls))
 
 
-def lowest_point(robot: Robot, link: str | None = None) -> float:
+def lowest_point(
+    robot: Robot, link: str | None = None, poses: Mapping[str, Pose] | None = None
+) -> float:
     """
     Return the least z that collides in the root's frame [m], of a link or of all.
 
-    Where nothing collides what is drawn does, without meshes.
+    Links are at their `poses`, or where they are with every joint at 0. Where nothing collides
+    what is drawn does, without meshes.
     """
+    poses = robot.rest_poses if poses is None else poses
     collides = any(each.collisions for each in robot.links.values())
     links = [robot.links[link]] if link is not None else robot.links.values()
     heights = (
         float(pose.position[2]) - _reach_down(robot, shape, pose.rotation[2])
         for each in links
         for shape in (each.collisions if collides else each.visuals)
-        for pose in [robot.rest_poses[each.name] @ shape.pose]
+        for pose in [poses[each.name] @ shape.pose]
     )
     return min(heights, default=math.inf)
 

@@ -42,8 +42,8 @@ def draw(robot: Robot, path: Path) -> None:
     add_sky(spec, [0.75, 0.82, 0.90], [0.97, 0.98, 1.0], width=64)
     model = compile_model(spec)
     data = mujoco.MjData(model)
-    for joint in robot.movable_joints:
-        data.joint(joint.name).qpos[0] = joint.rest
+    for name, position in robot.rest_positions.items():
+        data.joint(name).qpos[0] = position
     mujoco.mj_forward(model, data)
     pixels = _render(model, data)
     png = io.BytesIO()
