@@ -252,6 +252,15 @@ def test_a_gltf_file_reads_no_pipe_and_nothing_from_elsewhere(tmp_path):
         load_mesh(path)
 
 
+def test_a_gltf_file_that_is_a_link_is_read_with_what_lies_beside_its_file(tmp_path):
+    for folder in ('source', 'install'):
+        (tmp_path / folder).mkdir()
+    path = gltf(tmp_path / 'source', 'data.bin')
+    for name in (path.name, 'data.bin'):  # as colcon build --symlink-install has them
+        (tmp_path / 'install' / name).symlink_to(path.parent / name)
+    assert load._read_mesh(tmp_path / 'install' / path.name).faces.shape == (1, 3)
+
+
 def gltf(folder, uri):
     """Return a glTF file of one triangle whose points are in another file."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)

@@ -187,7 +187,7 @@ class _Beside:
     """The files that a mesh names, from its own folder, with it no more than LARGEST_FILE."""
 
     def __init__(self, path: Path) -> None:
-        self._folder = path.parent.resolve()
+        self._folder = path.resolve().parent  # of a link, as colcon makes them, its file's
         self._left = LARGEST_FILE - path.stat().st_size
 
     def __getitem__(self, name: str) -> bytes:
