@@ -85,13 +85,15 @@ def test_a_reset_in_the_midst_is_repeated_by_a_service_or_by_its_key(run: Any) -
 def test_steps_by_hand_are_repeated(run: Any, policy: str | None) -> None:
     """A state that is published takes noise of the sensors; a network's physics step is split."""
     runner, path = run[0], run[0].folder / 'step.mcap'
-    keys = tuple(parse_key_script(f'0.1 2\n1.9 {"4" if policy is None else "p"}\n2 w*4', 'keys'))
+    keys = tuple(
+        parse_key_script(f'0.02 2\n1.2 {"4" if policy is None else "p"}\n1.3 w*4', 'keys')
+    )
     options = RunOptions(
         robot='go2', description='go2', preset='unitree', keys=keys, speed=0.0, policy=policy
     )
     recorder = BagRecorder(path, describe_run(options))
     session = make_ros_run(options, recorder=recorder)
-    session.simulation.advance(2500)
+    session.simulation.advance(1700)
     for _ in range(3):
         session.simulation.step()
     session.simulation.advance(497)
@@ -99,13 +101,13 @@ def test_steps_by_hand_are_repeated(run: Any, policy: str | None) -> None:
     session.close()
     recorder.close()
     done = runner('replay', path.name, '--drive')
-    assert (done.returncode, done.stdout) == (0, '155 of 155 recorded poses are identical\n')
+    assert (done.returncode, done.stdout) == (0, '115 of 115 recorded poses are identical\n')
 
 
 @pytest.mark.usefixtures('ros')
 def test_who_looked_at_the_elevation_before_the_eyes_opened_changes_no_walk(run: Any) -> None:
     runner, path = run[0], run[0].folder / 'eyes.mcap'
-    keys = tuple(parse_key_script('0.1 2\n2.1 4\n2.3 w*6\n3.3 e', 'keys'))
+    keys = tuple(parse_key_script('0.02 2\n1.2 4\n1.3 w*6\n2 e', 'keys'))
     options = RunOptions(
         robot='go2',
         description='go2',
@@ -116,12 +118,12 @@ def test_who_looked_at_the_elevation_before_the_eyes_opened_changes_no_walk(run:
     )
     recorder = BagRecorder(path, describe_run(options))
     session = make_ros_run(options, recorder=recorder)
-    session.robot.elevation.wanted_by.append(lambda: session.world.time < 3.5)
-    session.simulation.advance(4500)
+    session.robot.elevation.wanted_by.append(lambda: session.world.time < 2.2)
+    session.simulation.advance(3000)
     session.close()
     recorder.close()
     done = runner('replay', path.name, '--drive')
-    assert (done.returncode, done.stdout) == (0, '225 of 225 recorded poses are identical\n')
+    assert (done.returncode, done.stdout) == (0, '150 of 150 recorded poses are identical\n')
 
 
 @pytest.mark.usefixtures('ros')
@@ -129,7 +131,7 @@ def test_who_looked_at_the_elevation_before_the_eyes_opened_changes_no_walk(run:
 def test_an_e_stop_in_motion_is_repeated_limp_at_once(run: Any, is_latched: bool) -> None:
     """By its key alone it would squat first, and end elsewhere."""
     runner, path = run[0], run[0].folder / 'e_stop.mcap'
-    keys = tuple(parse_key_script('0.1 2\n1.8 4\n2.0 w*10', 'keys'))
+    keys = tuple(parse_key_script('0.02 2\n1.2 4\n1.3 w*10', 'keys'))
     options = RunOptions(
         robot='go2',
         description='go2',
@@ -141,7 +143,7 @@ def test_an_e_stop_in_motion_is_repeated_limp_at_once(run: Any, is_latched: bool
     )
     recorder = BagRecorder(path, describe_run(options))
     session = make_ros_run(options, recorder=recorder)
-    session.simulation.advance(3000)
+    session.simulation.advance(2200)
     assert np.linalg.norm(session.world.base().linear_velocity[:2]) > 0.3
     session.e_stop('page')
     assert session.robot.state == 'passive'
@@ -154,7 +156,7 @@ def test_an_e_stop_in_motion_is_repeated_limp_at_once(run: Any, is_latched: bool
     session.close()
     recorder.close()
     done = runner('replay', path.name, '--drive')
-    assert (done.returncode, done.stdout) == (0, '210 of 210 recorded poses are identical\n')
+    assert (done.returncode, done.stdout) == (0, '170 of 170 recorded poses are identical\n')
 
 
 def test_ros_arguments_are_repeated_but_for_other_names_of_topics(run: Any) -> None:
@@ -181,7 +183,7 @@ def test_keys_beside_an_interface_are_repeated_and_what_its_programs_did_is_refu
     """With the interface the controller of a network runs in each instant."""
     pytest.importorskip('cyclonedds')
     runner, path = run[0], run[0].folder / 'unitree.mcap'
-    keys = tuple(parse_key_script('0.1 2\n1.9 p\n2 w*8', 'keys'))
+    keys = tuple(parse_key_script('0.02 2\n1.2 p\n1.3 w*8', 'keys'))
     options = RunOptions(
         robot='go2',
         description='go2',
@@ -194,7 +196,7 @@ def test_keys_beside_an_interface_are_repeated_and_what_its_programs_did_is_refu
     )
     recorder = BagRecorder(path, describe_run(options))
     session = make_ros_run(options, recorder=recorder)
-    session.simulation.advance(3000)
+    session.simulation.advance(2200)
     if has_program:
         session.interfaces[0].bridge.release_motors()
         session.simulation.advance(100)
@@ -205,7 +207,7 @@ def test_keys_beside_an_interface_are_repeated_and_what_its_programs_did_is_refu
         said = 'an SDK program had the motors, or switched a guard on: cannot be driven again'
         assert (done.returncode, done.stderr) == (2, f'error: unitree.mcap: {said}\n')
     else:
-        same = (0, '150 of 150 recorded poses are identical\n')
+        same = (0, '110 of 110 recorded poses are identical\n')
         assert (done.returncode, done.stdout) == same
 
 
@@ -255,19 +257,19 @@ def test_a_robot_alone_is_driven_again_in_a_namespace_of_any_depth(run: Any) -> 
 @pytest.mark.parametrize(
     ('words', 'play'),
     [
-        (('--layout', 'azerty'), '0.1 2\n1.8 4\n2 z*8'),
-        (('--preset', 'wasd'), '0.1 2\n1.8 5\n2.4 e*20'),
+        (('--layout', 'azerty'), '0.02 2\n1.2 4\n1.3 z*8'),
+        (('--preset', 'wasd'), '0.02 2\n1.2 5\n1.5 e*20'),
     ],
 )
 def test_keys_mean_the_same_again_on_their_layout_and_in_their_preset(
     run: Any, words: tuple[str, ...], play: str
 ) -> None:
     runner = run[0]
-    recorded = runner.report('go2', *words, '--duration', '4', '--record', 'go2.mcap', play=play)
+    recorded = runner.report('go2', *words, '--duration', '2.6', '--record', 'go2.mcap', play=play)
     start, *_, end = recorded['samples']['position']
     assert np.hypot(end[0] - start[0], end[1] - start[1]) > 0.05 or words[0] == '--preset'
     done = runner('replay', 'go2.mcap', '--drive')
-    assert (done.returncode, done.stdout) == (0, '200 of 200 recorded poses are identical\n')
+    assert (done.returncode, done.stdout) == (0, '130 of 130 recorded poses are identical\n')
 
 
 @pytest.mark.usefixtures('ros')
