@@ -27,29 +27,6 @@ class Place(NamedTuple):
     panels: tuple[str, ...]
 
 
-def is_desk(width: float, height: float) -> bool:
-    """Whether a page of a size [pixels] has room for panels on all sides."""
-    return width >= LEAST_WIDTH and width > height
-
-
-def places(width: float, height: float) -> tuple[Place, ...]:
-    """Return the windows of a page of a size [pixels]."""
-    if not is_desk(width, height):
-        top = round(PHONE_SCENE_SHARE * height)
-        order = ('drive', 'robot', 'map', 'eyes', 'plots', 'view', 'keys', 'world')
-        return (Place(Rect(0.0, top, width, height), order),)
-    right = width - RIGHT_WIDTH
-    robot = round(min(ROBOT_HEIGHT, ROBOT_SHARE * height))
-    bottom, eyes = round((1.0 - BOTTOM_SHARE) * height), round(EYES_SHARE * height)
-    return (
-        Place(Rect(0.0, 0.0, LEFT_WIDTH, robot), ('robot',)),
-        Place(Rect(0.0, robot, LEFT_WIDTH, height), ('drive', 'keys')),
-        Place(Rect(LEFT_WIDTH, bottom, right, height), ('plots',)),
-        Place(Rect(right, 0.0, width, eyes), ('view', 'eyes', 'world')),
-        Place(Rect(right, eyes, width, height), ('map',)),
-    )
-
-
 class Layout:
     """
     Which panels are shown where.
@@ -70,7 +47,21 @@ class Layout:
         if (width, height) == self._size:
             return
         self._size = (width, height)
-        self.places = places(width, height)
+        if self.is_desk:
+            right = width - RIGHT_WIDTH
+            robot = round(min(ROBOT_HEIGHT, ROBOT_SHARE * height))
+            bottom, eyes = round((1.0 - BOTTOM_SHARE) * height), round(EYES_SHARE * height)
+            self.places = (
+                Place(Rect(0.0, 0.0, LEFT_WIDTH, robot), ('robot',)),
+                Place(Rect(0.0, robot, LEFT_WIDTH, height), ('drive', 'keys')),
+                Place(Rect(LEFT_WIDTH, bottom, right, height), ('plots',)),
+                Place(Rect(right, 0.0, width, eyes), ('view', 'eyes', 'world')),
+                Place(Rect(right, eyes, width, height), ('map',)),
+            )
+        else:
+            top = round(PHONE_SCENE_SHARE * height)
+            order = ('drive', 'robot', 'map', 'eyes', 'plots', 'view', 'keys', 'world')
+            self.places = (Place(Rect(0.0, top, width, height), order),)
         self._place_of = {panel: place for place in self.places for panel in place.panels}
 
     @property
@@ -88,7 +79,8 @@ class Layout:
     @property
     def is_desk(self) -> bool:
         """Whether there is room for panels on all sides."""
-        return is_desk(*self._size)
+        width, height = self._size
+        return width >= LEAST_WIDTH and width > height
 
     @property
     def scene(self) -> Rect:
