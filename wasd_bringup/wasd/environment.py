@@ -32,7 +32,7 @@ from robot_description.description import Description, load_robot
 from wasd_core.arguments import check, checked
 from wasd_core.errors import suggest, UserError
 from wasd_core.parameters import shown
-from wasd_core.robot_io import BaseState, JointCommand, Senses
+from wasd_core.robot_io import JointCommand, Senses
 from wasd_core.rotations import Pose, rpy_matrix
 
 NAME = 'wasd/Go2-v0'
@@ -202,8 +202,13 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray], gymnasium.utils.EzPi
             self._world.step(late)
         truth = self._world.base()
         tilt = truth.tilt
-        has_fallen = tilt > FALL_TILT or self._height(truth) < LOW
-        reward = self._reward(truth, tilt, self._action - before)
+        # The base over the lowest foot, about; all this is faster in plain numbers than by numpy.
+        lowest: float = min(self._world.data.geom_xpos[self._feet, 2].tolist())
+        has_fallen = tilt > FALL_TILT or float(truth.position[2]) - lowest < LOW
+        off = math.dist(truth.planar_velocity.tolist(), self._command.tolist())
+        effort, change = self._world.effort(), self._action - before
+        strain = EFFORT * float(np.vdot(effort, effort)) + JERK * float(np.vdot(change, change))
+        reward = math.exp(-(off**2) / SHARPNESS) - strain - TILT * tilt**2
         info = {'truth': truth, 'command': self._command.copy()}
         return self._observe(), reward, bool(has_fallen), False, info
 
@@ -261,19 +266,6 @@ class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray], gymnasium.utils.EzPi
         heights = partial(true_heights, self._world)
         seen = height_scan(heights, base.position, float(base.rpy[2]))
         return np.where(np.isnan(seen), 1.0, seen)
-
-    def _height(self, truth: BaseState) -> float:
-        """Return the height of the base over the lowest foot [m], about."""
-        # Faster in plain numbers than by numpy.
-        lowest: float = min(self._world.data.geom_xpos[self._feet, 2].tolist())
-        return float(truth.position[2]) - lowest
-
-    def _reward(self, truth: BaseState, tilt: float, change: np.ndarray) -> float:
-        # Faster in plain numbers than by numpy.
-        off = math.dist(truth.planar_velocity.tolist(), self._command.tolist())
-        effort = self._world.effort()
-        strain = EFFORT * float(np.vdot(effort, effort)) + JERK * float(np.vdot(change, change))
-        return math.exp(-(off**2) / SHARPNESS) - strain - TILT * tilt**2
 
 
 def _is_plain(action: Any) -> bool:
