@@ -107,7 +107,7 @@ def list_topics(graph: RosGraph, arguments: argparse.Namespace) -> int:
 def echo(graph: RosGraph, arguments: argparse.Namespace) -> int:
     """Print messages until Ctrl-C, or one."""
     topic = full_name(arguments.topic)
-    kind = find_type(arguments.type or graph.topic_type(topic), 'msg')
+    kind = find_type(arguments.type or graph.type_of('topic', topic), 'msg')
     longest = None if arguments.full_length else SHOWN_LENGTH
     if arguments.field:
         field_of(kind(), re.sub(r'\[-?\d+\]', '', arguments.field))  # a typing error shows now
@@ -127,7 +127,7 @@ def echo(graph: RosGraph, arguments: argparse.Namespace) -> int:
 def hz(graph: RosGraph, arguments: argparse.Namespace) -> int:
     """Print once a second how often messages come, in wall time."""
     topic = full_name(arguments.topic)
-    kind = find_type(graph.topic_type(topic), 'msg')
+    kind = find_type(graph.type_of('topic', topic), 'msg')
     meter = RateMeter(arguments.window)
     came = 0
 
@@ -152,7 +152,7 @@ def pub(graph: RosGraph, arguments: argparse.Namespace) -> int:
     """Publish a message at a rate of wall time, until Ctrl-C or so many times."""
     topic, (given, text) = full_name(arguments.topic), _type_and_yaml('pub', arguments.rest)
     values = _read_yaml(text)
-    kind = find_type(given or graph.topic_type(topic), 'msg')
+    kind = find_type(given or graph.type_of('topic', topic), 'msg')
     message = kind()
     fill(message, values, functools.partial(find_type, kind='msg'))
     publisher = graph.node.create_publisher(kind, topic, RELIABLE)
@@ -176,7 +176,7 @@ def pub(graph: RosGraph, arguments: argparse.Namespace) -> int:
 def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
     """Call a service and print what it answers."""
     service, (given, text) = full_name(arguments.service), _type_and_yaml('call', arguments.rest)
-    offered = graph.service_type(service)
+    offered = graph.type_of('service', service)
     kind: Any = find_type(given or offered, 'srv')
     if given is not None and find_type(offered, 'srv') is not kind:
         raise UserError(f'{service} is a {offered}, not a {given}')

@@ -125,34 +125,23 @@ class RosGraph:
                 return known
             self.spin()
 
-    def topic_type(self, topic: str) -> str:
+    def type_of(self, what: str, name: str) -> str:
         """
-        Return the type of a topic with a full name.
+        Return the type of a `topic` or a `service` with a full name.
 
         Raises:
-            NotFound: there is no such topic, or there are two of that name.
+            NotFound: there is none, or there are two topics of that name.
         """
-        kinds = self.wait(lambda: dict(self.node.get_topic_names_and_types()).get(topic))
+        node = self.node
+        is_topic = what == 'topic'
+        look = node.get_topic_names_and_types if is_topic else node.get_service_names_and_types
+        kinds = self.wait(lambda: dict(look()).get(name))
         if kinds is None:
-            known = list(_visible(self.node.get_topic_names_and_types()))
-            raise NotFound(f'no topic {topic}{suggest(topic, known)}')
-        if len(kinds) > 1:
-            raise NotFound(f'topic {topic} has several types: {", ".join(kinds)}; give one')
-        return str(kinds[0])
-
-    def service_type(self, service: str) -> str:
-        """
-        Return the type of a service with a full name.
-
-        Raises:
-            NotFound: there is no such service.
-        """
-        kinds = self.wait(lambda: dict(self.node.get_service_names_and_types()).get(service))
-        if kinds is None:
-            known = _visible(self.node.get_service_names_and_types())
-            # Every node has six of these; they are not what was meant.
-            named = [name for name in known if not re.search(r'/(\w+_parameter\w*)$', name)]
-            raise NotFound(f'no service {service}{suggest(service, named)}')
+            # Every node has six services of parameters; they are not what was meant.
+            known = [one for one in _visible(look()) if not re.search(r'/\w+_parameter\w*$', one)]
+            raise NotFound(f'no {what} {name}{suggest(name, known)}')
+        if is_topic and len(kinds) > 1:
+            raise NotFound(f'topic {name} has several types: {", ".join(kinds)}; give one')
         return str(kinds[0])
 
     def require_node(self, name: str) -> None:

@@ -84,37 +84,29 @@ class PublisherTap:
     _count: ClassVar[Any] = None
 
     def __init__(self, hear: Hear, wants: Callable[[str], bool] = lambda topic: True) -> None:
-        self._hear = hear
-        self._wants = wants
-        if not self._taps:
-            self._install()
-        self._taps.append(self)
+        self._hear, self._wants = hear, wants
+        publishers: Any = Publisher
+        cls = PublisherTap
+        if not cls._taps:
+            # rclpy has no hook for this; its publishers are plain Python.
+            cls._publish, cls._count = publishers.publish, publishers.get_subscription_count
+            publishers.publish = lambda publisher, message: cls._on_publish(publisher, message)
+            publishers.get_subscription_count = lambda publisher: cls._listeners(publisher)
+            LoopbackSubscription.observers.append(cls._on_loopback)
+        cls._taps.append(self)
 
     def remove(self) -> None:
         """Let messages pass unheard again."""
-        if self in self._taps:
-            self._taps.remove(self)
-            if not self._taps:
-                self._uninstall()
-
-    @classmethod
-    def _install(cls) -> None:
         publishers: Any = Publisher
-        cls._publish = publishers.publish
-        cls._count = publishers.get_subscription_count
-        # rclpy has no hook for this; its publishers are plain Python.
-        publishers.publish = lambda publisher, message: cls._on_publish(publisher, message)
-        publishers.get_subscription_count = lambda publisher: cls._listeners(publisher)
-        LoopbackSubscription.observers.append(cls._on_loopback)
-
-    @classmethod
-    def _uninstall(cls) -> None:
-        publishers: Any = Publisher
-        publishers.publish = cls._publish
-        publishers.get_subscription_count = cls._count
-        LoopbackSubscription.observers.remove(cls._on_loopback)
-        cls._topics.clear()
-        cls._first.clear()
+        cls = PublisherTap
+        if self not in cls._taps:
+            return
+        cls._taps.remove(self)
+        if not cls._taps:
+            publishers.publish, publishers.get_subscription_count = cls._publish, cls._count
+            LoopbackSubscription.observers.remove(cls._on_loopback)
+            cls._topics.clear()
+            cls._first.clear()
 
     @classmethod
     def _name_of(cls, publisher: Any) -> tuple[str, str]:
