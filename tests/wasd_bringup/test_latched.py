@@ -378,6 +378,19 @@ def test_a_velocity_of_a_topic_ends_with_a_pause_and_the_next_one_counts():
     run.close()
 
 
+def test_a_velocity_of_another_source_that_has_taken_over_goes_on_after_a_pause():
+    run = Run(RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0))
+    robot = run.robot
+    robot.follow('/cmd_vel', VELOCITY)
+    robot.drive(VELOCITY, 'navigator')
+    for tell in run.simulation.on_resume:
+        tell()
+    run.simulation.advance(50)
+    assert robot.sample().command == VELOCITY
+    assert robot.drivers.state.driver == 'navigator'
+    run.close()
+
+
 def test_the_robot_stops_when_the_last_keyboard_of_others_is_gone(ros):
     options = RunOptions(robot='mbot', description='mbot', preset='ramps', speed=0.0)
     run = make_ros_run(options)

@@ -405,7 +405,7 @@ class Robot(ABC):
 
     def _resume(self) -> None:
         """End a velocity of a topic after a pause: nobody knows who still wants it."""
-        if self.drivers.held('topic').velocity:
+        if self.drivers.state.driver == 'topic' and self.drivers.held('topic').velocity:
             self.drive(STANDSTILL, 'topic')
 
     def _end(self, held: Held) -> None:
