@@ -137,7 +137,7 @@ def sensors(scans: int) -> list[Row]:
         return [*rows, Row(what='cameras', measured=str(reason), must='pictures', passed=False)]
     camera, depth = (Camera(tag, site) for tag in (colour_tag, depth_tag))
     pixels = depth.take(offscreen, False, True, None).depths
-    x = float(loaded.robot.rest_poses[depth_tag.link].position[0])
+    x = float(loaded.robot.zero_poses[depth_tag.link].position[0])
     middle = pixels[depth.height // 2, depth.width // 2]
     times = []
     for number in range(20):

@@ -165,7 +165,7 @@ class Robot:
         """About how far links and primitives reach from the root [m], joints at 0."""
         return max(
             float(np.linalg.norm((pose @ shape.pose).position)) + float(np.linalg.norm(shape.size))
-            for name, pose in self.rest_poses.items()
+            for name, pose in self.zero_poses.items()
             for shape in (Shape('', (), NO_ORIGIN, False), *self.links[name].shapes)
         )
 
@@ -272,7 +272,7 @@ class Robot:
         return replace(self, links=links)
 
     @cached_property
-    def rest_poses(self) -> dict[str, Pose]:
+    def zero_poses(self) -> dict[str, Pose]:
         """The pose of every link in the root with every joint at 0."""
         return self.link_poses({})
 
@@ -337,7 +337,7 @@ def credible_inertias(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
     ball as large as its shapes.
     """
     reach = max(
-        float(np.linalg.norm(robot.rest_poses[link.name].position)) + _radius(link)
+        float(np.linalg.norm(robot.zero_poses[link.name].position)) + _radius(link)
         for link in robot.links.values()
     )
     most = ABSURD * reach

@@ -100,7 +100,7 @@ def test_the_yaw_inertia_is_that_of_all_links_about_the_axle(mbot):
     parts = 0.5 * 1.0 * 0.2**2 + 2 * (0.2 * 0.19**2 + 0.2 * (3 * 0.06**2 + 0.025**2) / 12)
     balls = [link for name, link in mbot.links.items() if 'caster' in name]
     parts += sum(
-        link.inertia[2, 2] + link.mass * float(mbot.rest_poses[link.name].position[0]) ** 2
+        link.inertia[2, 2] + link.mass * float(mbot.zero_poses[link.name].position[0]) ** 2
         for link in balls
     )
     assert yaw_inertia(mbot, 0.0, 0.0) == pytest.approx(parts, rel=1e-3)

@@ -46,7 +46,7 @@ def test_it_weighs_1_8_kg_whatever_it_carries(variant):
 
 def test_its_sensors_are_where_the_course_has_them(mbot):
     def place(link):
-        return mbot.rest_poses[link].position - mbot.rest_poses['base_link'].position
+        return mbot.zero_poses[link].position - mbot.zero_poses['base_link'].position
 
     np.testing.assert_allclose(place('laser_link'), [0.0, 0.0, 0.105])
     np.testing.assert_allclose(place('camera_link'), [0.17, 0.0, 0.10])
@@ -56,7 +56,7 @@ def test_its_sensors_are_where_the_course_has_them(mbot):
 def test_an_optical_frame_looks_along_z_with_y_down(variant):
     mbot = parse_urdf(robot_named(variant).urdf)
     (frame,) = (link for link in mbot.links if link.endswith('_optical_frame'))
-    right, down, ahead = mbot.rest_poses[frame].rotation.T
+    right, down, ahead = mbot.zero_poses[frame].rotation.T
     np.testing.assert_allclose(ahead, [1.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(right, [0.0, -1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(down, [0.0, 0.0, -1.0], atol=1e-12)
@@ -64,7 +64,7 @@ def test_an_optical_frame_looks_along_z_with_y_down(variant):
 
 def test_left_is_at_plus_y_and_front_at_plus_x(mbot):
     def place(link):
-        return mbot.rest_poses[link].position
+        return mbot.zero_poses[link].position
 
     np.testing.assert_allclose(place('left_wheel_link')[:2], [0.0, 0.19])
     np.testing.assert_allclose(place('right_wheel_link')[:2], [0.0, -0.19])
@@ -81,13 +81,13 @@ def test_wheels_and_casters_touch_the_ground_together(mbot):
     }
     for link, radius in lowest.items():
         assert mbot.links[link].collisions[0].size[0] == radius
-        assert mbot.rest_poses[link].position[2] - radius == pytest.approx(0.0, abs=1e-15)
+        assert mbot.zero_poses[link].position[2] - radius == pytest.approx(0.0, abs=1e-15)
 
 
 def test_the_body_is_a_drum_11_cm_above_the_ground(mbot):
     (drum,) = mbot.links['base_link'].collisions
     assert (drum.kind, drum.size) == ('cylinder', (0.20, 0.16))
-    assert mbot.rest_poses['base_link'].position[2] == pytest.approx(0.11)
+    assert mbot.zero_poses['base_link'].position[2] == pytest.approx(0.11)
 
 
 def test_every_wheel_turns_forward_about_y(mbot):

@@ -92,7 +92,7 @@ def test_a_link_is_where_the_joints_above_put_it():
         rest=joint('a', 'b', inner='<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>')
         + joint('b', 'c', inner='<origin xyz="0 2 0"/>'),
     )  # fmt: skip
-    pose = parse_urdf(text).rest_poses['c']
+    pose = parse_urdf(text).zero_poses['c']
     np.testing.assert_allclose(pose.position, [-1.0, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(pose.rotation @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
 
@@ -112,7 +112,7 @@ def test_a_turning_joint_turns_and_a_sliding_joint_slides():
 def test_composing_with_nothing_changes_nothing():
     pose = parse_urdf(
         robot('a', 'b', rest=joint('a', 'b', inner='<origin xyz="1 2 3" rpy=".1 .2 .3"/>'))
-    ).rest_poses['b']
+    ).zero_poses['b']
     for composed in (pose @ IDENTITY, IDENTITY @ pose):
         np.testing.assert_array_equal(composed.position, pose.position)
         np.testing.assert_array_equal(composed.rotation, pose.rotation)

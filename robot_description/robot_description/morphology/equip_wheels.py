@@ -98,10 +98,10 @@ def rotors(robot: Robot, drive: Drive) -> dict[str, float]:
 
 
 def yaw_inertia(robot: Robot, x: float, y: float) -> float:
-    """Return the robot's moment of inertia about a vertical line [kg m^2], in its rest pose."""
+    """Return the robot's moment of inertia about a vertical line [kg m^2], joints at 0."""
     total = 0.0
     for link in robot.links.values():
-        pose = robot.rest_poses[link.name] @ link.inertial
+        pose = robot.zero_poses[link.name] @ link.inertial
         up = pose.rotation[2]
         arm = (pose.position[0] - x) ** 2 + (pose.position[1] - y) ** 2
         total += float(up @ link.inertia @ up) + link.mass * float(arm)
@@ -176,7 +176,7 @@ def hanging(robot: Robot, drive: Drive) -> tuple[str, ...]:
     lowest = {link: lowest_point(robot, link) for link in robot.links if link not in own}
     low = [link for link, height in lowest.items() if height < floor - HANGING]
     ahead = {
-        float(robot.rest_poses[link].position[0] - drive.wheels[0].position[0]) > 0.0
+        float(robot.zero_poses[link].position[0] - drive.wheels[0].position[0]) > 0.0
         for link in low
     }
     if len(ahead) < 2:
@@ -235,7 +235,7 @@ def lowest_point(
     Links are at their `poses`, or where they are with every joint at 0. Where nothing collides
     what is drawn does, without meshes.
     """
-    poses = robot.rest_poses if poses is None else poses
+    poses = robot.zero_poses if poses is None else poses
     collides = any(each.collisions for each in robot.links.values())
     links = [robot.links[link]] if link is not None else robot.links.values()
     heights = (

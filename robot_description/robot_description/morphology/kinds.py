@@ -61,7 +61,7 @@ def name_kind(robot: Robot, drive: Drive) -> Kind:
 
 def _wheels_on_legs(robot: Robot, rollers: list[Roller]) -> list[Roller]:
     """Return the wheels at the ends of legs, which are lower than all else is."""
-    lowest = min(float(pose.position[2]) for pose in robot.rest_poses.values())
+    lowest = min(float(pose.position[2]) for pose in robot.zero_poses.values())
     return [
         roller
         for roller in rollers
@@ -137,14 +137,14 @@ def _bottom(robot: Robot, carrier: str) -> float:
     """Return the lowest point of what moves as one with a link [m]; its frames', too."""
     group = [link for link, holder in robot.carriers.items() if holder == carrier]
     return min(
-        min(lowest_point(robot, link), float(robot.rest_poses[link].position[2])) for link in group
+        min(lowest_point(robot, link), float(robot.zero_poses[link].position[2])) for link in group
     )
 
 
 def _on_ground(robot: Robot) -> list[list[Joint]]:
     """Return the chains that end on the ground; none where the base or one alone does."""
     chains = _chains(robot)
-    heights = [float(pose.position[2]) for pose in robot.rest_poses.values()]
+    heights = [float(pose.position[2]) for pose in robot.zero_poses.values()]
     ends = [_bottom(robot, chain[-1].child) for chain in chains]
     base = robot.carriers[robot.base]
     shapes = [

@@ -207,7 +207,7 @@ def _joints(count: int) -> str:
 
 def poses_in_base(robot: Robot) -> dict[str, Pose]:
     """Return where every link is in the base with all joints at zero."""
-    poses = robot.rest_poses
+    poses = robot.zero_poses
     if not robot.is_fixed:
         return poses
     base = poses[robot.base]

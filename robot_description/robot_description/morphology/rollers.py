@@ -54,7 +54,7 @@ class Roller(NamedTuple):
 
 def is_upright(robot: Robot, joint: Joint) -> bool:
     """Whether a joint turns about an axis that is upright where the robot rests."""
-    axis = robot.rest_poses[joint.child].rotation @ joint.axis
+    axis = robot.zero_poses[joint.child].rotation @ joint.axis
     return joint.kind != 'prismatic' and abs(float(axis[2])) > math.cos(UPRIGHT)
 
 
@@ -97,7 +97,7 @@ def rolling_joints(robot: Robot) -> frozenset[str]:
 
 def _roller(robot: Robot, joint: Joint) -> list[Roller]:
     """Return the round part that a joint turns freely about a level axis, or nothing."""
-    frame = robot.rest_poses[joint.child]
+    frame = robot.zero_poses[joint.child]
     axis = frame.rotation @ joint.axis
     if not turns_freely(joint) or abs(float(axis[2])) > math.sin(UPRIGHT):
         return []
@@ -186,5 +186,5 @@ def _stands_under(joint: Joint, roller: Roller, rollers: Sequence[Roller], robot
 
 def _trail(joint: Joint, roller: Roller, robot: Robot) -> float:
     """Return how far a part is from the upright axis that turns it [m]."""
-    off = (roller.position - robot.rest_poses[joint.child].position)[:2]
+    off = (roller.position - robot.zero_poses[joint.child].position)[:2]
     return float(np.hypot(*off))

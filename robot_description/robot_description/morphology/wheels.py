@@ -219,7 +219,7 @@ def _wheel(
         if not choice.names:
             return ''
         return f'is {joint.kind}: a wheel turns freely (continuous)'
-    frame = robot.rest_poses[joint.child]
+    frame = robot.zero_poses[joint.child]
     axis = frame.rotation @ joint.axis
     tilt = math.acos(min(1.0, abs(float(axis[1]))))
     most = math.pi / 4 if choice.names else OFF_AXIS

@@ -208,7 +208,7 @@ def set_contact(geom: mujoco.MjsGeom, robot: Robot, link: str, shape: Shape) -> 
     A link that names a friction gets it; what rolls a stiff contact, in one point.
     """
     if shape.kind == 'cylinder':
-        up = float(robot.rest_poses[link].rotation[2] @ shape.pose.rotation[:, 2])
+        up = float(robot.zero_poses[link].rotation[2] @ shape.pose.rotation[:, 2])
         _tilt(geom, STANDING_TILT if abs(up) > UPRIGHT else TILT)
     if link not in robot.friction:
         return
