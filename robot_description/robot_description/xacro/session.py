@@ -67,9 +67,9 @@ class XacroSession:
         is_xacro = any(sign in data for sign in (b'xacro', b'$', b'\0'))
         answer = self._run() if is_xacro else self._read(data, notes)
         if 'error' in answer:
-            place, reason, via = answer['error'].values()
-            at = unlisted(place)
-            raise LocatedError(at, reason, unlisted(via)) if at else DescriptionError(reason)
+            error = answer['error']
+            at, reason, via = unlisted(error['place']), error['reason'], unlisted(error['via'])
+            raise LocatedError(at, reason, via) if at else DescriptionError(reason)
         tag, _, _, (file, *at), _ = answer['nodes'][0]
         if tag != 'robot':
             reason = f'is <{tag}>, {WANTED}; make <robot> its first tag'
