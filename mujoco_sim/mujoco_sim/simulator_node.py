@@ -206,8 +206,7 @@ class SimulatorNode(Node):
         untold = Untold.from_parameters(self.settings)
         noise = self.settings.sensor_noise
         if self.settings.hoist:
-            joints = [joint for joint in robot.robot.movable_joints if not joint.mimics]
-            setup = upright_setup(robot, {j.name: j.rest for j in joints}, untold, noise)
+            setup = upright_setup(robot, robot.robot.rest_positions, untold, noise)
         else:
             setup = usual_setup(robot, noise, untold)
         setup = randomise(setup, self.settings.seed, robot)

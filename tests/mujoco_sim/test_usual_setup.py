@@ -9,6 +9,7 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import parse_description
+from wasd_bringup.run.legged import standing_pose
 
 pytestmark = pytest.mark.slow
 
@@ -50,7 +51,9 @@ def test_joints_begin_within_their_stops_and_where_what_they_mimic_has_them():
     world.step(50)
     joints = world.joints()
     found = dict(zip(world.joint_names, joints.position.tolist(), strict=True))
-    assert found == pytest.approx({'a': 0.5, 'b': 3.0, 'c': 1.5}, abs=1e-6)
+    begin = {'a': 0.5, 'b': 3.0, 'c': 1.5}
+    assert found == pytest.approx(begin, abs=1e-6)
+    assert standing_pose(read.robot) == begin  # of one that a hoist holds
 
 
 def test_a_robot_stands_on_what_is_lowest_where_its_joints_begin():

@@ -175,8 +175,7 @@ class Legged(Robot):
 
 def standing_pose(robot: RobotTree) -> dict[str, float]:
     """Return the joints at the start [rad]: a G1 stands, others are as near to zero."""
-    joints = [joint for joint in robot.movable_joints if not joint.mimics]
-    names = [joint.name for joint in joints]
+    names = [joint.name for joint in robot.movable_joints if not joint.mimics]
     if is_g1(names):
         return dict(zip(names, g1_stand(names).position.tolist(), strict=True))
-    return {joint.name: joint.rest for joint in joints}
+    return robot.rest_positions
