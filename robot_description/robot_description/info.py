@@ -282,8 +282,8 @@ def check_kinematics(description: Description) -> tuple[Deviation, ...]:
 
 def _any_position(joint: Joint, random: np.random.Generator) -> float:
     reach = SLIDE if joint.kind == 'prismatic' else FULL_TURN
-    near = joint.rest + random.uniform(-reach, reach)
-    return float(np.clip(near, joint.lower, joint.upper))
+    low, high = max(joint.lower, joint.rest - reach), min(joint.upper, joint.rest + reach)
+    return float(random.uniform(low, high))
 
 
 def _in_mujoco(urdf: str) -> LinkPlaces:

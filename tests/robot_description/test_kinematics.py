@@ -11,10 +11,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from robot_description.description import load_robot, parse_description, read_description
-from robot_description.info import check_kinematics
+from robot_description.info import _any_position, check_kinematics
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import description_path, share_directory
 from robot_description.pinocchio_model import configuration, link_positions, to_pinocchio
+from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 
 ROBOTS = share_directory('example-robot-data') / 'robots'
@@ -116,6 +117,16 @@ def test_a_range_far_from_zero_is_tried_too(kind, lower, upper):
     )
     deviations = check_kinematics(parse_description(urdf, Path('r.urdf')))
     assert max(deviation.distance for deviation in deviations) < 1e-12
+
+
+def test_poses_are_drawn_between_the_stops():
+    joint = '<joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
+    limit = '<limit lower="-0.5" upper="0.5" effort="1" velocity="1"/></joint>'
+    read = parse_urdf(f'<robot><link name="a"/><link name="b"/>{joint}{limit}</robot>')
+    random = np.random.default_rng(0)
+    drawn = [_any_position(read.joints['j'], random) for _ in range(50)]
+    assert np.std(drawn) == pytest.approx(1.0 / math.sqrt(12.0), rel=0.1)
+    assert max(map(abs, drawn)) < 0.5
 
 
 def test_a_mass_without_an_inertia_is_a_mass_in_pinocchio_too():
