@@ -3,7 +3,6 @@
 
 from collections import deque
 from collections.abc import Callable
-import itertools
 import math
 import time
 from typing import NamedTuple
@@ -205,25 +204,21 @@ class Schedule:
 
         Raises:
             SimulationError: the period is not a whole number of physics steps; names the
-                parameter and the nearest rates that are legal.
+                parameter and the next rate that is legal.
         """
         try:
             self.every(1.0 / rate, task, rest)
         except SimulationError:
-            nearest = ' or '.join(f'{legal:g}' for legal in self._rates_near(rate))
+            # A faster one: a slower one may be less than the parameter allows.
+            steps = max(1, math.floor(1.0 / (rate * self._time_step)))
+            fitting = next(filter(self._is_short, range(steps, 0, -1)))
             raise SimulationError(
                 f'{parameter}: got {rate:g} Hz, which does not fit the physics step of '
-                f'{self._time_step} s; nearest: {nearest} Hz'
+                f'{self._time_step} s; {1.0 / (fitting * self._time_step):g} Hz does'
             ) from None
 
-    def _rates_near(self, rate: float) -> list[float]:
-        """Return the legal rates around a rate [Hz] that can be typed, e.g. not 1000 / 17."""
-        steps = 1.0 / (rate * self._time_step)
-        slower = next(filter(self._is_short, itertools.count(max(1, math.ceil(steps)))))
-        faster = next(filter(self._is_short, range(math.floor(steps), 0, -1)), None)
-        return [1.0 / (count * self._time_step) for count in (slower, faster) if count]
-
     def _is_short(self, steps: int) -> bool:
+        """Whether the rate of so many steps can be typed, as that of 17 cannot: 1000 / 17 Hz."""
         rate = 1.0 / (steps * self._time_step)
         return math.isclose(float(f'{rate:g}'), rate, rel_tol=1e-9)
 
