@@ -196,6 +196,14 @@ def test_a_fix_after_which_nobody_can_read_the_file_is_taken_back(write, monkeyp
     assert mend(path).mended == ()
 
 
+def test_the_joint_of_a_footprint_has_a_name_that_no_other_has(write):
+    path = write(wheeled(-0.05) + joint('base_footprint_joint', 'a'))
+    (mended,) = mend(path).after.values()
+    path.write_bytes(mended)
+    joints = parse_urdf(expand_document(path).urdf).joints
+    assert joints['base_footprint_joint_'].parent == 'base_footprint'
+
+
 @pytest.mark.slow
 def test_a_footprint_stands_where_the_wheels_do(write):
     path = write(wheeled(-0.05))

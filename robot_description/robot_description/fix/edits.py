@@ -19,7 +19,7 @@ from robot_description.xacro.source import PREFIX, SourceTag, unprefixed_calls
 
 QUOTES = {'"': '&quot;', "'": '&apos;'}
 TEXT = """{indent}<link name="{footprint}"/>
-{indent}<joint name="{footprint}_joint" type="fixed">
+{indent}<joint name="{joint}" type="fixed">
 {indent}  <origin xyz="0 0 {height:.6g}" rpy="0 0 0"/>
 {indent}  <parent link="{footprint}"/>
 {indent}  <child link="{root}"/>
@@ -98,7 +98,10 @@ def add_footprint(workspace: Workspace) -> Iterator[Edit]:
     # How far below the root the wheels touch the ground [m].
     height = max(wheel.radius - wheel.z for wheel in find_wheels(model))
     root = escape(next(link for link in model.links if link not in model.joint_above), QUOTES)
-    text = TEXT.format(indent=indent, footprint=FOOTPRINT, height=height, root=root)
+    joint = f'{FOOTPRINT}_joint'
+    while joint in model.joints:
+        joint += '_'
+    text = TEXT.format(indent=indent, footprint=FOOTPRINT, joint=joint, height=height, root=root)
     text = text if is_alone else '\n' + text
     if data[:line_start].endswith(b'\r\n'):
         text = text.replace('\n', '\r\n')
