@@ -88,8 +88,14 @@ def metadata_of(spec: PolicySpec) -> dict[str, str]:
 
 def _parts(spec: PolicySpec) -> dict[str, object]:
     """Return what is played of a spec, by name; its clip of actions is always written."""
-    terms = {f'observation {term.name}': term for term in spec.terms}
-    return terms | vars(replace(spec, source='', assumed=(), action_clip=((), ())))
+    terms = tuple(
+        replace(term, scale=term.scale[:1]) if len(set(term.scale)) == 1 else term
+        for term in spec.terms
+    )
+    if all(term.ages == (0,) for term in terms):  # what else is said of the past means nothing
+        spec = replace(spec, by_time=False, begins_with_zeros=False)
+    played = replace(spec, source='', assumed=(), action_clip=((), ()), terms=terms)
+    return {f'observation {term.name}': term for term in terms} | vars(played)
 
 
 def _varint(value: int) -> bytes:

@@ -21,7 +21,7 @@ from policy_files import (
     torchscript,
     write,
 )
-from policy_player.formats import from_metadata, from_rl_gym, PRESETS
+from policy_player.formats import from_deploy, from_metadata, from_rl_gym, PRESETS
 from policy_player.observations import Observer
 from policy_player.onnx_writer import metadata_of, write_layers
 from policy_player.player import Player
@@ -414,6 +414,9 @@ def test_a_policy_of_two_lengths_cannot_be_stacked_by_time(tmp_path):
         read_policy(path, write(tmp_path, 'deploy.yaml', said))
 
 
+REMEMBERED = Term(name='gravity', ages=(1, 0))
+
+
 def written_spec(**changes):
     """Return a spec that `write_layers` can say, but for `changes`."""
     terms = ('angular_velocity', 'gravity', 'command', 'joint_position', 'joint_velocity')
@@ -450,8 +453,8 @@ def test_what_is_written_is_read_again(tmp_path, rng):
         ('period: got 0.01,', written_spec(period=0.01)),
         ('action_offset: ', written_spec(action_offset=(0.1, 0.8, -1.6) * 4)),
         ('target_clip: ', written_spec(target_clip=((-1.0,) * 12, (1.0,) * 12))),
-        ('begins_with_zeros: ', written_spec(begins_with_zeros=True)),
-        ('by_time: ', written_spec(terms=(Term(name='gravity', ages=(1, 0)),), by_time=True)),
+        ('begins_with_zeros: ', written_spec(terms=(REMEMBERED,), begins_with_zeros=True)),
+        ('by_time: ', written_spec(terms=(REMEMBERED,), by_time=True)),
         ('observation gravity: ', written_spec(terms=(Term(name='gravity', ages=(0, 1)),))),
         ('observation command: ', PRESETS['legged_gym_rough']()),
     ],
@@ -462,6 +465,16 @@ def test_what_the_file_cannot_say_is_not_written(tmp_path, name, spec):
         write_layers(path, spec, [(np.zeros((12, spec.width)), np.zeros(12))])
     assert str(error.value).startswith(f'{path}: {name}')
     assert not path.exists()
+
+
+def test_what_another_file_says_is_written_where_it_means_the_same(tmp_path):
+    shown = from_deploy(deploy(MOTORS))  # the scale of a term is said for each of its numbers
+    shown = replace(shown, action_offset=shown.default_position)
+    for spec in (shown, replace(shown, by_time=True, begins_with_zeros=True)):
+        write_layers(tmp_path / 'a.onnx', spec, [(np.zeros((12, spec.width)), np.zeros(12))])
+        observers = Observer(spec), Observer(read_policy(tmp_path / 'a.onnx').spec)
+        given, read = ([each._scale, each._low, each._high] for each in observers)
+        np.testing.assert_array_equal(given, read)
 
 
 def test_all_that_the_file_can_say_is_written():
