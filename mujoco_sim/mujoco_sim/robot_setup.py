@@ -107,8 +107,9 @@ def usual_setup(
     lying = quadruped.sign * (similar_pose(quadruped, *FOLDED) - quadruped.zero)
     hips = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)
     return RobotSetup(
-        joint_positions=dict(zip(quadruped.joint_names, lying.tolist(), strict=True))
-        | dict(quadruped.held),
+        joint_positions=description.robot.all_positions(
+            dict(zip(quadruped.joint_names, lying.tolist(), strict=True))
+        ),
         height=LYING_HEIGHT * scale.of('m') - hips,
         sink=LYING_SINK * scale.of('m'),
         speed_limits={joint.name: joint.velocity for joint in quadruped.joints},

@@ -197,12 +197,17 @@ class Robot:
     @cached_property
     def rest_positions(self) -> dict[str, float]:
         """Where movable joints rest [rad] or [m]; what mimics one, where that has it."""
+        return self.all_positions({})
+
+    def all_positions(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Return where movable joints are [rad] or [m]: as given, at rest, or as mimics follow."""
         positions = {}
         for joint in self.movable_joints:
             chain = [joint]
             while (other := self.joints.get(chain[-1].mimics)) is not None and other.is_movable:
                 chain.append(other)
-            position = chain.pop().rest
+            leader = chain.pop()
+            position = given.get(leader.name, leader.rest)
             for follower in reversed(chain):
                 position = follower.multiplier * position + follower.offset
             positions[joint.name] = position

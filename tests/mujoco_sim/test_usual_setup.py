@@ -69,6 +69,21 @@ def test_a_robot_stands_on_what_is_lowest_where_its_joints_begin():
     assert build_world(read, setup=usual_setup(read)).base().position[2] == pytest.approx(0.15)
 
 
+def test_what_mimics_a_joint_of_a_leg_begins_where_that_does(go2):
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    read = parse_description(
+        go2.urdf.replace(
+            '</robot>',
+            f'<link name="dial">{body}</link><joint name="dial" type="continuous">'
+            '<parent link="base"/><child link="dial"/><axis xyz="0 1 0"/>'
+            '<mimic joint="FL_calf_joint" multiplier="2"/></joint></robot>',
+        ),
+        go2.path,
+    )
+    begin = usual_setup(read).joint_positions
+    assert begin['dial'] == 2.0 * begin['FL_calf_joint']
+
+
 def test_what_floats_on_a_world_is_put_on_the_floor_wherever_its_joint_has_it():
     body = (
         '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
