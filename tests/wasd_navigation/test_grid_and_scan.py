@@ -34,6 +34,17 @@ def test_a_scan_is_points_in_the_base_frame() -> None:
     assert scan.origin == pytest.approx((0.1, 0.0))
 
 
+@pytest.mark.parametrize('count', [1, 2, 3])
+def test_a_scan_of_few_rays_that_hit_nothing_sees_free_space(count) -> None:
+    scan = read_scan(np.full(count, math.inf), np.linspace(0.0, 0.2, count), (0.1, 4.0))
+    assert len(scan.ends) == count
+
+
+def test_a_range_of_0_tells_nothing_whatever_the_lidar_says_is_its_least() -> None:
+    scan = read_scan(np.array((0.0, 0.0, math.inf, 2.0)), np.zeros(4), (0.0, 4.0))
+    assert scan.hits.tolist() == [False, True]
+
+
 def test_centres_of_cells_lie_in_their_cells() -> None:
     grid = Grid(np.zeros((3, 4), dtype=np.int8), 0.05, (-1.0, 2.0))
     cells = np.array(((0, 0), (2, 3), (1, 2)))

@@ -22,9 +22,9 @@ _FARTHEST = 2.0**60
 # What a tilted lidar sees below this height is the floor [m]; nor is anything that ends less far
 # below the lidar.
 FLOOR, LEAST_DESCENT = 0.05, 0.02
-# What is farther is not seen, whatever a lidar says of itself; and so far a ray is free at most
-# that hits nothing [m].
-HORIZON, FREE_SIGHT = 100.0, 30.0
+# What is nearer or farther is not seen, whatever a lidar says of itself (0 is no echo); and so far
+# a ray is free at most that hits nothing [m].
+NEAREST, HORIZON, FREE_SIGHT = 1e-3, 100.0, 30.0
 # No lidar has so many rays.
 MOST_RAYS = 100_000
 # From its first ray to its last a scan takes no longer [s].
@@ -216,12 +216,12 @@ def read_scan(
 
     `ranges` [m] and `angles` [rad], shape (n,); `limits` are the least and the greatest range
     [m]. Ranges beyond the greatest are of rays that hit nothing up to there, or up to FREE_SIGHT;
-    those below the least, and NaN, tell nothing. Nor do rays that end on the floor, or on ground.
+    those below the least, 0 and NaN tell nothing. Nor do rays that end on the floor, or on ground.
 
     `mount` is the lidar's pose in a level frame below the base: its origin is at the height of
     the floor, x is ahead. `moved`, `is_ground`: see `read_ranges`.
     """
-    least, most = limits
+    least, most = max(limits[0], NEAREST), limits[1]
     tells = (ranges >= least) & ~_is_lost(ranges, least, min(most, HORIZON))
     ranges, angles = ranges[tells], angles[tells]
     along = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
@@ -255,7 +255,8 @@ def _is_lost(ranges: np.ndarray, least: float, most: float) -> np.ndarray:
     pass between others that hit. Rays beyond the scan's ends are unknown.
     """
     nothing, has_echo = np.isposinf(ranges), (least <= ranges) & (ranges <= most)
-    beside = np.concatenate(([True], has_echo, [True]))
+    edge = [has_echo.any()]
+    beside = np.concatenate((edge, has_echo, edge))
     steps = np.diff(np.concatenate(([False], nothing, [False])).astype(np.int8))
     begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
     lost = np.zeros(len(ranges), dtype=np.bool_)
