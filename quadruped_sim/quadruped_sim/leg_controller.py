@@ -207,7 +207,7 @@ class LegController:
             self._tune_filter()
 
     def _tune_filter(self) -> None:
-        """Keep the command within what the gait allows; a network's within what any does."""
+        """Keep the command within what the gait allows; a network's within a trot's, the most."""
         gaits = ('trot',) if self._entered is StateName.POLICY else (self.gait, self._left)
         self.command_filter.tune(self._params.command, *gaits)
 
