@@ -309,6 +309,18 @@ def test_a_run_that_is_paused_answers(still):
     assert len(still.wire.told['rt/api/motion_switcher/response']) == 1
 
 
+def test_a_move_ends_with_a_pause_and_the_next_one_counts(run):
+    motion = run.driver.bridge.motion
+    run.call(STAND_UP)
+    run.call(MOVE, x=0.3, y=0.0, z=0.0)
+    assert motion.is_moving
+    for tell in run.session.simulation.on_resume:
+        tell()
+    assert not motion.is_moving
+    run.call(MOVE, x=0.3, y=0.0, z=0.0)
+    assert motion.is_moving
+
+
 def test_in_sync_time_waits_for_a_program():
     run = Commanded(sync=True)
     assert not run.driver.may_advance()

@@ -77,7 +77,7 @@ class Motion:
 
     def go(self, goal: StateName) -> None:
         """Lead the robot to a state; it stops moving."""
-        self._halt()
+        self.halt()
         self._pressed = None
         self._aim_for(goal)
         self._lean = _UPRIGHT
@@ -105,13 +105,14 @@ class Motion:
     def stop(self) -> None:
         """Stand still, in this instant, as a program asks for."""
         self._end_asking()
-        self._halt()
+        self.halt()
 
     def _end_asking(self) -> None:
         self._asks.reset()
         self._is_ignored = False
 
-    def _halt(self) -> None:
+    def halt(self) -> None:
+        """Stand still until the next Move."""
         if self.is_moving:
             self._robot.drive(STANDSTILL)
         self._velocity = STANDSTILL
@@ -141,8 +142,8 @@ class Motion:
         was_moving = self.is_moving
         self._alive.step(dt)
         if was_moving and not self._alive.is_alive:
-            self._alive.hear()  # so that `_halt` knows that it moves
-            self._halt()
+            self._alive.hear()  # so that `halt` knows that it moves
+            self.halt()
         self._asks.step(dt)
         self._is_ignored &= self._asks.is_alive
         due = self._beat.is_due(self._robot.time, MOVE_RATE)

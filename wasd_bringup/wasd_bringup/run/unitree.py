@@ -81,6 +81,7 @@ class UnitreeDriver:
         robot.outside = self
         robot.drivers.on_take.append(self._give_way)
         robot.simulation.on_reset.append(self.bridge.reset)
+        robot.simulation.on_resume.append(self.bridge.motion.halt)
 
     @property
     def first_line(self) -> str:
