@@ -255,9 +255,8 @@ def _is_lost(ranges: np.ndarray, least: float, most: float) -> np.ndarray:
     pass between others that hit. Rays beyond the scan's ends are unknown.
     """
     nothing, has_echo = np.isposinf(ranges), (least <= ranges) & (ranges <= most)
-    edge = [has_echo.any()]
-    beside = np.concatenate((edge, has_echo, edge))
-    steps = np.diff(np.concatenate(([False], nothing, [False])).astype(np.int8))
+    beside = np.pad(has_echo, 1, constant_values=has_echo.any())
+    steps = np.diff(np.pad(nothing, 1).astype(np.int8))
     begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
     lost = np.zeros(len(ranges), dtype=np.bool_)
     for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
