@@ -281,9 +281,9 @@ def test_a_drive_that_it_is_given_is_fed_by_no_topic(spawn, mbot):
         ('description:=dog', 'dog: no such file'),
         (
             'linear.x.max_velocity:=-1.0',
-            'linear.x.max_velocity must be >= 0.001 and <= 100 m/s, or NaN',
+            'diff_drive_controller: linear.x.max_velocity must be >= 0.001 and <= 100 m/s, or NaN',
         ),
-        ('description:=5', 'description: '),
+        ('description:=5', "diff_drive_controller: Trying to set parameter 'description'"),
     ],
 )
 def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, override, message):

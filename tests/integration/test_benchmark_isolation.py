@@ -45,7 +45,7 @@ if __name__ == '__main__':
 """
 GOES = '0 0.3 0 0\n'
 STANDS = '0 0 0 0\n'
-LONG = ('--duration', '20')  # at full speed still seconds of wall time
+LONG = ('--duration', '40')  # at full speed still seconds of wall time
 ALONE = 1e-6  # a robot that nobody else drives stays within so much [m]
 
 

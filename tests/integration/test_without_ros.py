@@ -79,13 +79,13 @@ def test_a_run_without_ros_loads_none_of_it_and_has_the_same_samples(
 
 
 def test_without_ros_too_it_is_logged_why_the_legs_let_go(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(logging.getLogger('wasd'), 'handlers', [])
     options = RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0)
     run = _make_plain_run(options, None, False, [])
     run.robot.let_go()
-    assert 'go2: press 2 to stand (passive: emergency stop)' in caplog.messages
+    assert 'go2: press 2 to stand (passive: emergency stop)' in capsys.readouterr().err
     run.close()
 
 
