@@ -11,7 +11,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description, load_robot
-from robot_description.morphology.wheels import read_wheel_choice
+from robot_description.morphology.wheel_file import read_wheel_choice
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory

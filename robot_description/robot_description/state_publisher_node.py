@@ -21,7 +21,7 @@ from wasd_core.topics import LATCHED, SENSOR_DATA, TfBroadcaster
 from robot_description.description import Description, equip, read_description
 from robot_description.meshes.files import published_urdf
 from robot_description.morphology.names import unknown_joint_warning
-from robot_description.morphology.wheels import read_wheel_choice
+from robot_description.morphology.wheel_file import read_wheel_choice
 from robot_description.packages import description_path
 from robot_description.parameters import state_publisher, StatePublisherParameters
 from robot_description.robot import Joint

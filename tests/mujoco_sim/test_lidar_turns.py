@@ -7,7 +7,8 @@ import math
 from cases import for_all
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensors.lidar import Lidar, LIDAR_MODELS, with_model
+from mujoco_sim.sensors.lidar import Lidar, with_model
+from mujoco_sim.sensors.lidar_models import LIDAR_MODELS
 from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags

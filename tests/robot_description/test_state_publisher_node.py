@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_description.description import load_robot, read_description
 from robot_description.meshes.files import opened_by_rviz
-from robot_description.morphology.wheels import read_wheel_choice
+from robot_description.morphology.wheel_file import read_wheel_choice
 from robot_description.packages import description_path, DESCRIPTIONS
 from robot_description.state_publisher_node import main, StatePublisherNode
 from robot_description.xacro.session import expand_document

@@ -10,7 +10,7 @@ import pytest
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import ByteMultiArray
 from std_srvs.srv import SetBool
-from wasd_bringup.tools.graph.commands import RateMeter
+from wasd_bringup.tools.graph.rate import RateMeter
 from wasd_bringup.tools.graph.ros_graph import find_type, full_name
 from wasd_bringup.tools.messages import field_of, fill, to_plain, to_yaml
 from wasd_core.errors import UserError

@@ -9,9 +9,8 @@ from pathlib import Path
 from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import LocatedError, Place
 
-from robot_description import sensor_tags
-from robot_description.lint import geometry, structure
-from robot_description.lint.model import Element, Model, to_element
+from robot_description.lint import geometry, sensors, structure
+from robot_description.lint.model import Model, to_element
 from robot_description.lint.rules import Finding, finding
 from robot_description.meshes.opening import open_meshes
 from robot_description.meshes.resolver import MeshRecord, MeshResolver, SIZE, UNUSABLE
@@ -19,31 +18,6 @@ from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.session import XacroSession
 from robot_description.xacro.source import unprefixed_calls, XACRO_TAGS
-
-
-def check_sensors(model: Model) -> Iterator[Finding]:
-    """Lidars and cameras have numbers that can be, and the lower limit below the upper one."""
-    for gazebo in model.robot.all('gazebo'):
-        for sensor in gazebo.all('sensor'):
-            name = repr(sensor.name or sensor.attributes.get('type', ''))
-            for text in _odd(sensor):
-                yield finding('bad-sensor', sensor.place, f'sensor {name}: {text}')
-
-
-def _odd(sensor: Element) -> Iterator[str]:
-    """Yield what a simulator leaves out of a sensor, or takes the other way round."""
-    kind = sensor.attributes.get('type', '')
-    if kind in sensor_tags.HOLDERS:
-
-        def find(path: str) -> str | None:
-            element = sensor.find(path)
-            return element.text if element is not None else None
-
-        wrong = sensor_tags.why_broken(kind, find)
-        yield from [wrong] if wrong else sensor_tags.exchanged(kind, find)
-    elif kind not in sensor_tags.OTHER_TYPES:
-        yield f'the type {kind!r} is unknown to Gazebo'
-
 
 CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     structure.check_names,
@@ -64,7 +38,14 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     geometry.check_inertias,
     geometry.check_sides,
     geometry.check_wheels,
-    check_sensors,
+    sensors.check_sensors,
+)
+# Those that need a robot that can be read.
+ROBOT_CHECKS: tuple[Callable[[Model, Robot], Iterator[Finding]], ...] = (
+    geometry.check_massless,
+    geometry.check_floating,
+    geometry.check_size,
+    geometry.check_footprint,
 )
 # The cure where a mesh lies in a package that happens to be installed here.
 COPY = "copy the file to where the path says, in the description's own package"
@@ -108,10 +89,7 @@ def lint(session: XacroSession, expected_joints: Sequence[str] = ()) -> list[Fin
             if not any(one.is_error for one in found):  # which tell the same, with lines
                 found.append(finding('not-readable', model.robot.place, str(error)))
         else:
-            for check_robot in (
-                geometry.check_massless, geometry.check_floating, geometry.check_size,
-                geometry.check_footprint,
-            ):  # fmt: skip
+            for check_robot in ROBOT_CHECKS:
                 found += islice(check_robot(model, robot), MOST_FINDINGS)
             found += _check_meshes(model, robot, session.sources)
     return _in_order(_causes([*found, *_check_macro_calls(session.sources)]))

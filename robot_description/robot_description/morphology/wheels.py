@@ -5,10 +5,9 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 import math
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from wasd_core.parameter_file import flat, read_mapping
 from wasd_core.rotations import Pose
 
 from robot_description.morphology.rollers import (
@@ -49,28 +48,6 @@ class WheelChoice(NamedTuple):
 
 # Nothing is said: what is found counts.
 ANY_WHEELS = WheelChoice()
-
-
-def read_wheel_choice(path: str) -> WheelChoice:
-    """
-    Return what a drive controller's file says of the wheels, in any format; '' says nothing.
-
-    The controller reads all of it, and says what is wrong.
-
-    Raises:
-        InvalidParameter: it cannot be read, or is no YAML.
-    """
-    if not path:
-        return ANY_WHEELS
-    found: dict[str, Any] = read_mapping(
-        path, lambda root: {name.rpartition('.')[2]: entry.value for name, entry in flat(root)}
-    )
-    sides = (found.get(f'{side}_wheel_names') for side in ('left', 'right'))
-    names = (name for side in sides if isinstance(side, list) for name in side)
-    radius = found.get('wheel_radius')
-    return WheelChoice(
-        tuple(map(str, names)), float(radius) if isinstance(radius, int | float) else 0.0
-    )
 
 
 class DriveWheel(NamedTuple):

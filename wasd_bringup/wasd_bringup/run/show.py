@@ -37,4 +37,4 @@ def show_robot(robot: Robot, line: StatusLine, name: str, now: float, is_told: b
         status = robot.status()
         return called + ': '.join(filter(None, (status.state, status.message)))
 
-    line.show(compose, now, draw_board, say_plainly if is_told else str)
+    line.show(compose, now, draw_board, say_plainly if is_told else lambda: '')

@@ -2,7 +2,6 @@
 """`wasd topics`, `echo`, `hz`, `pub`, `call`, `params`: what ros2cli does, where there is none."""
 
 import argparse
-from collections import deque
 from collections.abc import Callable, Sequence
 import functools
 import itertools
@@ -11,7 +10,6 @@ import sys
 import time
 from typing import Any
 
-import numpy as np
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
@@ -23,6 +21,7 @@ from wasd_core.topics import RELIABLE
 import yaml
 
 from wasd_bringup.tools.graph.listener import TopicListener
+from wasd_bringup.tools.graph.rate import RateMeter
 from wasd_bringup.tools.graph.ros_graph import (
     find_type,
     full_name,
@@ -52,31 +51,6 @@ KINDS = (
     'Double values are:',
     'String values are:',
 )
-
-
-class RateMeter:
-    """Keeps the gaps between the last `window` messages."""
-
-    def __init__(self, window: int) -> None:
-        self._gaps: deque[float] = deque(maxlen=window)
-        self._last: float | None = None
-
-    def add(self, now: float) -> None:
-        """Count a message that came at a time [s]."""
-        if self._last is not None:
-            self._gaps.append(now - self._last)
-        self._last = now
-
-    def rate(self) -> str:
-        """Return messages a second, and their gaps, as ros2cli does; '' before the second one."""
-        if not self._gaps:
-            return ''
-        mean = float(np.mean(self._gaps))
-        return (
-            f'average rate: {1.0 / mean if mean > 0.0 else 0.0:.3f}\n'
-            f'\tmin: {min(self._gaps):.3f}s max: {max(self._gaps):.3f}s '
-            f'std dev: {np.std(self._gaps):.5f}s window: {len(self._gaps)}'
-        )
 
 
 def run_graph_command(arguments: argparse.Namespace) -> int:
