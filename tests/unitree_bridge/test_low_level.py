@@ -15,6 +15,8 @@ from unitree_bridge.low_level import (
     tick_of,
     VELOCITY_STOP,
 )
+from unitree_bridge.motion import SILENCE as SILENCE_AFTER_A_STOP
+from unitree_bridge.remote import Remote
 from unitree_bridge.robot import MOTORS, to_motors
 from unitree_bridge.shapes import LOW_STATE
 from unitree_rig import low_cmd, positions, request, Rig, STANDING
@@ -150,6 +152,30 @@ def test_an_e_stop_ends_what_a_program_does_to_the_motors(stood):
     stood.go2.bridge.disarm()
     stood.run(3.0)
     assert stood.position[2] < 0.15
+
+
+def damp_by_call(rig):
+    assert rig.call('sport', 1001)[0] == 0
+
+
+def damp_by_remote(rig):
+    rig.wire.come['rt/wirelesscontroller'].append(Remote(down=frozenset({'L2', 'B'})).message())
+
+
+@pytest.mark.parametrize('damp', [damp_by_call, damp_by_remote])
+def test_damp_lets_go_of_motors_that_a_program_goes_on_commanding(rig, damp):
+    def command(seconds):
+        for _ in range(round(seconds / DT)):
+            rig.command(low_cmd(tau=1.0))
+            rig.run(DT)
+        return rig.go2.bridge.in_force
+
+    assert command(0.02) is not None
+    damp(rig)
+    assert command(0.1) is None
+    assert rig.said[-1] == 'LowCmd ignored: the robot was stopped (end the program)'
+    rig.run(SILENCE_AFTER_A_STOP + 0.1)
+    assert command(0.02) is not None
 
 
 def hostile(tick):

@@ -273,13 +273,13 @@ class Bridge:
             self._ignored_sticks.hear()
         else:
             self._ignored_sticks.reset()
-        if not self._sport.follows_remote or self.low.is_released:
+        if not self._sport.follows_remote:
             return
         self._buttons.hear()
         pressed, self._down = remote.down - self._down, remote.down
         self._obey(remote.down, pressed)
         is_held = self._sticks.is_alive
-        if is_ignored:
+        if is_ignored or self.low.is_released:
             return
         if remote.is_centred:
             if is_held:
@@ -294,7 +294,9 @@ class Bridge:
     def _obey(self, down: frozenset[str], pressed: frozenset[str]) -> None:
         """Do what newly pressed buttons of Unitree's remote ask for."""
         if 'L2' in down and 'B' in pressed:
-            self.motion.go(StateName.PASSIVE)
+            self._sport.damp()
+        elif self.low.is_released:
+            return
         elif 'L2' in down and 'A' in pressed:
             stands = self._robot.state == StateName.FIXED_STAND
             self.motion.go(StateName.LIE_DOWN if stands else StateName.FIXED_STAND)

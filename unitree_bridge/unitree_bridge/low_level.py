@@ -12,6 +12,7 @@ from wasd_core.timing import Watchdog
 
 from unitree_bridge.cdr import check_header, encode, Layout
 from unitree_bridge.crc import Checksum
+from unitree_bridge.motion import SILENCE as SILENCE_AFTER_A_STOP
 from unitree_bridge.robot import Senses
 from unitree_bridge.shapes import LOW_CMD, LOW_STATE
 
@@ -81,15 +82,15 @@ class LowLevel:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._heard = Watchdog(SILENCE)
+        self._ignored = Watchdog(SILENCE_AFTER_A_STOP)
         self.reset()
 
     def reset(self) -> None:
         """Leave the motors to our controller."""
         self.is_released = False
         self.refused = 0
-        self._last: LowCommand | None = None
-        self._told: set[str] = set()
-        self._heard.reset()
+        self._ignored.reset()
+        self.stop()
 
     @property
     def is_live(self) -> bool:
@@ -112,8 +113,15 @@ class LowLevel:
 
     def stop(self) -> None:
         """Forget the command in force: the motors damp until the next."""
-        self._last = None
+        self._last: LowCommand | None = None
+        self._told: set[str] = set()
         self._heard.reset()
+
+    def damp(self) -> None:
+        """Stop, and ignore a program that commands now until it has been silent."""
+        if self.is_live:
+            self._ignored.hear()
+        self.stop()
 
     def take(self, raw: bytes, admit: Callable[[], bool]) -> bool:
         """Take a LowCmd if it is one, and if `admit` says that it counts; return whether."""
@@ -123,7 +131,10 @@ class LowLevel:
             self.refused += 1
             self._complain(f'LowCmd ignored: {error}')
             return False
-        if not admit():
+        is_ignored = self._ignored.is_alive
+        if is_ignored:
+            self._ignored.hear()
+        if is_ignored or not admit():
             self.refused += 1
             self._complain('LowCmd ignored: the robot was stopped (end the program)')
             return False
@@ -136,10 +147,10 @@ class LowLevel:
         """Let `dt` [s] pass; return the command in force, None where our controller's is."""
         was_live = self.is_live
         self._heard.step(dt)
+        self._ignored.step(dt)
         if was_live and not self.is_live:
             self._say(f'no LowCmd for {SILENCE:g} s: the motors damp')
             self.stop()
-            self._told.clear()
         return self._last.command if self._last is not None else None
 
     def _complain(self, text: str) -> None:

@@ -61,7 +61,7 @@ class Sport(Service):
         self.follows_remote = True
         self._recovers = True
         self._handlers = {
-            1001: self._damp,
+            1001: lambda _: self.damp(),
             1002: self._goer(StateName.FREE_STAND),
             1003: lambda _: motion.stop(),
             1004: self._goer(StateName.FIXED_STAND),
@@ -99,9 +99,9 @@ class Sport(Service):
 
         return go
 
-    def _damp(self, _: Parameters) -> None:
+    def damp(self) -> None:
         """Damp also where a program commands the motors: it has to let go of them."""
-        self._low.stop()
+        self._low.damp()
         self._motion.go(StateName.PASSIVE)
 
     def _stand_down(self, said: Parameters) -> None:
