@@ -49,6 +49,14 @@ def test_wheels_without_limits_get_motors_that_can_make_them_slip(bare):
     assert equipped(bare).joints['front_caster_joint'].effort == 0.0
 
 
+def test_a_motor_that_no_file_describes_overcomes_what_its_joint_takes(bare):
+    name, free = 'left_wheel_joint', equipped(bare).joints['left_wheel_joint']
+    heavy = replace(bare.joints[name], friction=10.5, damping=21.8)
+    joint = equipped(replace(bare, joints={**bare.joints, name: heavy})).joints[name]
+    assert joint.velocity == free.velocity
+    assert joint.effort == pytest.approx(free.effort + 10.5 + 21.8 * joint.velocity)
+
+
 def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
     assert equipped(bare).friction == {
         'left_wheel_link': 1.0,

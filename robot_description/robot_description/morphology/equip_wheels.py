@@ -120,7 +120,7 @@ FLOOR_GAP = 0.003
 # Wheels hang where what is before and behind them reaches lower by more than this [m].
 HANGING = 0.001
 # A motor that a description does not speak of: rim speed [m/s], and torque as a multiple of what
-# makes a wheel slip on a floor with friction 1.
+# makes a wheel slip on a floor with friction 1, beyond what the joint itself takes.
 RIM_SPEED = 1.5
 TORQUE_SHARE = 2.0
 TYRE_FRICTION = 1.0
@@ -140,14 +140,16 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
     friction = dict(robot.friction)
     for wheel in drive.wheels:
         joint = wheel.joint
+        velocity = joint.velocity if joint.velocity > 0.0 else RIM_SPEED / wheel.radius
         torque = 0.5 * TORQUE_SHARE * robot.mass * GRAVITY * wheel.radius
+        torque += joint.friction + joint.damping * velocity  # the joint's own, at any speed
         joints[joint.name] = replace(
             joint,
             kind='continuous',
             lower=-math.inf,
             upper=math.inf,
             effort=joint.effort if joint.effort > 0.0 else torque,
-            velocity=joint.velocity if joint.velocity > 0.0 else RIM_SPEED / wheel.radius,
+            velocity=velocity,
         )
         joints |= {mount.name: _held(mount) for mount in wheel.mounts}
         parts = [link.name for link, _ in carried(robot, joint.child)]
