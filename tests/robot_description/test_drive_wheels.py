@@ -5,10 +5,12 @@ from dataclasses import replace
 
 from cases import for_all
 from descriptions import robot_named
+import mujoco
 import pytest
 from robot_description.description import load_robot
 from robot_description.morphology.equip_wheels import equip_drive, lowest_point
 from robot_description.morphology.wheels import find_drive
+from robot_description.mujoco.builder import compile_model, to_mujoco
 from robot_description.urdf import parse_urdf
 from wasd import Mbot
 from wasd_core.robot_io import GRAVITY
@@ -89,6 +91,35 @@ def test_a_tyre_that_is_welded_to_the_wheel_grips_as_the_wheel_does(said):
     }
     # What rolls is round and touches in one point; the rim would touch beside it.
     assert [len(after.links[name].collisions) for name in ('hub1', 'rim1')] == [1, 0]
+
+
+ARM = ''.join(
+    f'<link name="{name}"><inertial><mass value="0.1"/><inertia ixx="1e-4" ixy="0" ixz="0" '
+    f'iyy="1e-4" iyz="0" izz="1e-4"/></inertial>{shape}</link>'
+    f'<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{name}"/>'
+    '<limit lower="0" upper="1" effort="10" velocity="1"/></joint>'
+    for name, parent, shape in (
+        ('lift', 'mount', ''),
+        ('arm', 'lift', ''),
+        ('hand', 'arm', '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'),
+    )
+)
+
+
+def test_an_arm_that_lies_in_a_wheel_with_its_joints_at_0_does_not_brake_it():
+    urdf, bare = robot_named('mbot').urdf, parsed('mbot')
+    x, y, z = bare.zero_poses['left_wheel_link'].position
+    mount = (
+        f'<link name="mount"/><joint name="mount" type="fixed"><parent link="{bare.root}"/>'
+        f'<child link="mount"/><origin xyz="{x} {y} {z + 0.03}"/></joint>'
+    )
+    robot = parse_urdf(urdf.replace('</robot>', f'{mount}{ARM}</robot>'))
+    for each, touching in ((robot, True), (equipped(robot), False)):
+        model = compile_model(to_mujoco(each))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        pairs = [{model.geom(geom).name for geom in pair} for pair in data.contact.geom.tolist()]
+        assert ({'left_wheel_link/0', 'hand/0'} in pairs) is touching, pairs
 
 
 @pytest.mark.slow

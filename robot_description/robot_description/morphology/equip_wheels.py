@@ -137,7 +137,7 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
     if not drive.wheels:
         return robot
     joints, links = dict(robot.joints), dict(robot.links)
-    friction = dict(robot.friction)
+    friction, touching = dict(robot.friction), dict(robot.self_collide)
     for wheel in drive.wheels:
         joint = wheel.joint
         velocity = joint.velocity if joint.velocity > 0.0 else RIM_SPEED / wheel.radius
@@ -153,6 +153,8 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
         )
         joints |= {mount.name: _held(mount) for mount in wheel.mounts}
         parts = [link.name for link, _ in carried(robot, joint.child)]
+        # An arm that is held may lie in a wheel with its joints at 0, and would brake it.
+        touching = dict.fromkeys(parts, False) | touching
         said = [friction[name] for name in parts if name in friction]
         friction = dict.fromkeys(parts, said[0] if said else TYRE_FRICTION) | friction
         if not wheel.tyre.is_exact:
@@ -161,7 +163,7 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
             links[joint.child] = _with_tyre(links[joint.child], joint.axis, wheel.tyre)
     idle = {link.name for joint in drive.idle for link, _ in carried(robot, joint.child)}
     friction = {name: mu for name, mu in friction.items() if name not in idle}
-    robot = replace(robot, joints=joints, links=links, friction=friction)
+    robot = replace(robot, joints=joints, links=links, friction=friction, self_collide=touching)
     floor = min(float(wheel.position[2]) - wheel.radius for wheel in drive.wheels)
     low = {link for link in links if lowest_point(robot, link) <= floor + FLOOR_GAP}
     casters = frozenset(link for link in low | idle if link not in friction)
