@@ -98,6 +98,29 @@ def test_the_last_that_takes_it_drives_and_the_others_ask(drivers):
     assert drivers.state.driver == ''
 
 
+@pytest.mark.parametrize('take', [{'velocity': FAST}, {'key': 'i'}])
+def test_who_drives_again_after_nobody_drove_does_so_since_then(drivers, take):
+    for drivers.time in (1.0, 1.5):
+        assert drivers.take('topic', **take)
+        assert drivers.state.since == 1.0
+    wait(drivers)
+    assert drivers.state.driver == ''
+    drivers.time = 10.0
+    assert drivers.take('topic', **take)
+    assert drivers.state.since == 10.0
+
+
+def test_who_drives_again_after_a_latched_stop_does_so_since_then():
+    drivers = make(holds_stops=True)
+    drivers.take('topic', velocity=FAST)
+    drivers.stop('page')
+    drivers.release(E_STOP)
+    wait(drivers)
+    drivers.time = 7.0
+    assert drivers.take('topic', velocity=FAST)
+    assert drivers.state.since == 7.0
+
+
 def test_what_drives_by_itself_is_told_who_takes_over(drivers):
     told = []
     drivers.on_take.append(lambda *taken: told.append(taken))

@@ -148,6 +148,7 @@ class Drivers:
         """
         if key == '':
             return False
+        begins = self._driver != source or not self.state.driver
         hold = self._holds.setdefault(source, _Hold())
         hold.asked = 0.0
         counts = self._take_key(hold, key) if key else self._take_velocity(hold, velocity)
@@ -157,7 +158,7 @@ class Drivers:
             return True  # it gives up, and takes nothing
         for tell in self.on_take:
             tell(source, what or ('a key' if key else 'a velocity'))
-        if self._driver != source:
+        if begins:
             self._driver, self._since = source, self.time
         return True
 
