@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--foxglove`: a client gets every topic with its definition, drives, and stops by silence."""
 
+import math
 import subprocess
 import sys
 import time
@@ -244,6 +245,13 @@ def test_a_topic_without_a_definition_is_looked_for_once_and_not_made(ros, monke
         ),
         ('/cmd_vel', TWIST, {'linear': {'q': 1}}, "/cmd_vel: Vector3 has no field 'q'"),
         ('/cmd_vel', TWIST, {'linear': {'x': 'fast'}}, '/cmd_vel: linear.x: wanted double'),
+        ('/cmd_vel', TWIST, {'angular': {'z': math.nan}}, '/cmd_vel: a velocity that is not fin'),
+        (
+            '/cmd_vel',
+            TWIST,
+            {'linear': {'x': math.inf}},
+            '/cmd_vel: a velocity that is not finite',
+        ),
         ('/odom', TWIST, {}, '/odom: clients cannot publish there; wanted /cmd_vel or /keys'),
     ],
 )

@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable, Sequence
 import json
 import logging
+import math
 import os
 import queue
 import time
@@ -47,9 +48,12 @@ def read_velocity(sender: Sender, data: bytes) -> Velocity:
     Return the velocity of a Twist or TwistStamped [m/s], [m/s], [rad/s].
 
     Raises:
-        UserError: it is no such message.
+        UserError: it is no such message, or not finite.
     """
-    return to_velocity(_read(sender, data, (Twist, TwistStamped)))
+    velocity = to_velocity(_read(sender, data, (Twist, TwistStamped)))
+    if not all(map(math.isfinite, velocity)):
+        raise UserError(f'{sender.topic}: a velocity that is not finite')
+    return velocity
 
 
 def read_key(sender: Sender, data: bytes) -> str:
