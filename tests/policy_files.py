@@ -59,9 +59,12 @@ def node(kind: str, inputs: list[str], output: str, **flags: int) -> bytes:
     return out
 
 
-def end(name: str, width: int, rank: int = 2, kind: int = 1) -> bytes:
+def end(name: str, width: int, rank: int = 2, kind: int = 1, *, is_named: bool = False) -> bytes:
     sizes = [1] * (rank - 1) + [width]
-    shape = b''.join(field(1, field(1, size)) for size in sizes)
+    if is_named:
+        shape = b''.join(field(1, field(2, f'size{place}')) for place in range(rank))
+    else:
+        shape = b''.join(field(1, field(1, size)) for size in sizes)
     return field(1, name) + field(2, field(1, field(1, kind) + field(2, shape)))
 
 
@@ -76,11 +79,13 @@ def onnx(
     outputs: tuple[str, ...] = ('actions',),
     last: str = '',
     kind: int = 1,
+    is_named: bool = False,
 ) -> bytes:
     """
     Return a model: linear layers with an activation between them, `last` behind the last.
 
-    `kind` is ONNX's number of the type of what it gives, that of `Cast`.
+    With `is_named` the sizes of its input have names for numbers, as of dynamic axes. `kind` is
+    ONNX's number of the type of what it gives, that of `Cast`.
     """
     graph, name = b'', inputs[0]
     for index, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
@@ -100,7 +105,7 @@ def onnx(
         graph += field(1, node('Identity', [outputs[0]], extra))
     graph += field(2, 'policy')
     for shown in inputs:
-        graph += field(11, end(shown, weights[0].shape[1]))
+        graph += field(11, end(shown, weights[0].shape[1], is_named=is_named))
     for shown in outputs:
         graph += field(12, end(shown, weights[-1].shape[0], kind=kind))
     model = field(1, 8) + field(7, graph) + field(8, field(1, '') + field(2, 17))

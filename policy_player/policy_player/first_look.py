@@ -2,7 +2,7 @@
 """
 The first look at a stranger's network: in a process of its own, with bounds.
 
-    python -m policy_player.first_look FILE
+    python -m policy_player.first_look FILE WIDTH
 
 What a broken or hostile file does to the library ends here. Prints one line of JSON.
 """
@@ -26,17 +26,19 @@ MEMORY, PROCESSOR_TIME, PATIENCE = 6_000_000_000, 20, 60.0
 OURS = Path(__file__).parent / 'networks'
 
 
-def look(path: Path) -> dict[str, Any]:
+def look(path: Path, width: int) -> dict[str, Any]:
     """
     Return inputs and outputs of a network that runs, as `[name, shape, type]`.
+
+    `width` is that of an input whose last size has a name for a number.
 
     Raises:
         PolicyError: it cannot be run.
         Stopped: a stop signal came meanwhile.
     """
     if path.parent == OURS:
-        return describe(open_session(str(path)))
-    words = [sys.executable, '-m', 'policy_player.first_look', str(path)]
+        return describe(open_session(str(path)), width)
+    words = [sys.executable, '-m', 'policy_player.first_look', str(path), str(width)]
     try:
         done = subprocess.run(
             words,
@@ -86,8 +88,13 @@ def open_session(model: bytes | str) -> Any:
         raise PolicyError(f'onnxruntime cannot read it: {reason}') from None
 
 
-def describe(session: Any) -> dict[str, Any]:
-    """Return what a session tells, after it has run on zeros."""
+def describe(session: Any, width: int) -> dict[str, Any]:
+    """
+    Return what a session tells, after it has run on zeros.
+
+    Raises:
+        PolicyError: it does not run.
+    """
     import numpy as np
 
     ends = {
@@ -97,8 +104,13 @@ def describe(session: Any) -> dict[str, Any]:
     if len(ends['inputs']) != 1 or ends['inputs'][0][2] != 'tensor(float)':
         return ends  # refused by who asked, by name
     name, shape, _ = ends['inputs'][0]
-    zeros = np.zeros([size if isinstance(size, int) else 1 for size in shape], np.float32)
-    outputs = session.run(None, {name: zeros})
+    instead = [1] * (len(shape) - 1) + [width]
+    shape[:] = [a if isinstance(a, int) else b for a, b in zip(shape, instead, strict=False)]
+    try:
+        outputs = session.run(None, {name: np.zeros(shape, np.float32)})
+    except Exception as error:  # whatever the library raises while it runs
+        reason = ' '.join(str(error).split())[:200] or type(error).__name__
+        raise PolicyError(f'the network cannot be run on an input of {shape}: {reason}') from None
     for end, output in zip(ends['outputs'], outputs, strict=True):
         end[1] = list(np.shape(output))
     return ends
@@ -110,12 +122,9 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_TIME, PROCESSOR_TIME))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     try:
-        print(json.dumps(describe(open_session(sys.argv[1]))))
+        print(json.dumps(describe(open_session(sys.argv[1]), int(sys.argv[2]))))
     except PolicyError as error:
         print(json.dumps({'error': str(error)}))
-    except Exception as error:  # whatever the library raises while it runs
-        reason = ' '.join(str(error).split())[:200] or type(error).__name__
-        print(json.dumps({'error': f'the network cannot be run: {reason}'}))
 
 
 if __name__ == '__main__':

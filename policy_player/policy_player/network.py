@@ -24,14 +24,14 @@ FLOATS = {
 class OnnxNetwork:
     """A network of an ONNX file, run by onnxruntime in one thread."""
 
-    def __init__(self, file: OnnxFile) -> None:
+    def __init__(self, file: OnnxFile, width: int) -> None:
         """
-        Look at the file in another process, then load it.
+        Look at the file in another process, then load it; `width` is that of the observation.
 
         Raises:
             PolicyError: it cannot be run, or has not one input and an output of actions.
         """
-        found = first_look.look(file.path)
+        found = first_look.look(file.path, width)
         inputs, outputs = found['inputs'], found['outputs']
         if len(inputs) != 1:
             names = ', '.join(repr(name) for name, *_ in inputs)
@@ -39,11 +39,10 @@ class OnnxNetwork:
                 f'the network has {len(inputs)} inputs ({names}), wanted one, the observation: '
                 'a memory or a motion is not played'
             )
-        name, shape, kind = inputs[0]
+        name, shown, kind = inputs[0]
         if kind != 'tensor(float)':
             raise PolicyError(f'input {name!r}: got {kind}, wanted tensor(float)')
         output = _choose([end[0] for end in outputs])
-        shown = [size if isinstance(size, int) else 1 for size in shape]
         given, kind = {end[0]: end[1:] for end in outputs}[output]
         if kind not in FLOATS:
             raise PolicyError(f'output {output!r}: got {kind}, wanted tensor(float)')

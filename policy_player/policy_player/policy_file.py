@@ -60,7 +60,8 @@ def read_policy(path: str | Path, config: str | Path | None = None) -> Policy:
     try:
         file = None if data[:4] == b'PK\x03\x04' else read_onnx(path, data)
         spec, found = _specification(path, file, config)
-        network: Network = read_torchscript(data) if file is None else OnnxNetwork(file)
+        network: Network
+        network = read_torchscript(data) if file is None else OnnxNetwork(file, spec.width)
         spec.check_widths(network.takes, network.gives)
         _check_speed(network, spec.period)
     except _ConfigError as error:

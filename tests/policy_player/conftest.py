@@ -8,7 +8,7 @@ import pytest
 
 # Whose tests are of that look.
 LOOKERS = ('test_strangers_files', 'test_ours')
-_found: dict[bytes, dict[str, Any]] = {}
+_found: dict[tuple[bytes, int], dict[str, Any]] = {}
 
 
 @pytest.fixture(autouse=True)
@@ -20,10 +20,10 @@ def looks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
     look = first_look.look
 
-    def look_once(path: Path) -> dict[str, Any]:
-        data = path.read_bytes()
-        if data not in _found:
-            _found[data] = look(path)
-        return _found[data]
+    def look_once(path: Path, width: int) -> dict[str, Any]:
+        key = path.read_bytes(), width
+        if key not in _found:
+            _found[key] = look(path, width)
+        return _found[key]
 
     monkeypatch.setattr(first_look, 'look', look_once)

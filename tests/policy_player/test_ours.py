@@ -30,7 +30,7 @@ def test_no_other_process_looks_at_it_first(monkeypatch):
     monkeypatch.setattr(first_look, 'subprocess', None)
     assert read_policy('ours').network.gives == 12
     with pytest.raises(AttributeError):
-        first_look.look(OWN['ours'].with_name('..') / 'networks' / 'ours.onnx')
+        first_look.look(OWN['ours'].with_name('..') / 'networks' / 'ours.onnx', 38)
 
 
 @pytest.mark.slow

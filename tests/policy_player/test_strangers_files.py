@@ -439,6 +439,16 @@ def test_older_files_of_rl_sar_name_controllers_and_reduce_hips(tmp_path, policy
 PARTS = ('hip', 'thigh', 'calf')
 
 
+def test_an_input_whose_size_has_a_name_is_as_wide_as_its_settings_say(tmp_path):
+    path = tmp_path / 'dynamic.onnx'
+    path.write_bytes(onnx(*ZERO, mjlab(MOTORS), is_named=True))
+    network = read_policy(path).network
+    assert (network.takes, network.gives) == (45, 12)
+    assert network(np.zeros(45, np.float32)).tolist() == [0.0] * 12
+    path.write_bytes(onnx(*constant(46, np.zeros(12)), mjlab(MOTORS), is_named=True))
+    assert 'cannot be run on an input of [1, 45]' in refusal(path)
+
+
 def test_a_stop_while_a_network_is_looked_at_blames_no_network(tmp_path, monkeypatch):
     def end_with_us(words, **options):
         """Return what a terminal's Ctrl-C leaves of who is in its process group."""
@@ -450,4 +460,4 @@ def test_a_stop_while_a_network_is_looked_at_blames_no_network(tmp_path, monkeyp
     monkeypatch.setattr(StopSignals, 'entered', [stop])
     monkeypatch.setattr(first_look.subprocess, 'run', end_with_us)
     with pytest.raises(Stopped):
-        first_look.look(tmp_path / 'a.onnx')
+        first_look.look(tmp_path / 'a.onnx', 45)
