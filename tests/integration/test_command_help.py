@@ -5,6 +5,7 @@ import itertools
 import json
 from pathlib import Path
 import re
+import signal
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,29 @@ def test_the_demo_names_its_stops_where_none_is_meant(wasd: Any, tmp_path: Path)
     assert done.returncode == 2
     assert done.stderr.count('\n') == 1
     assert 'go2_stairs' in done.stderr
+
+
+def test_a_demo_that_is_cut_short_tells_of_the_stops_before_and_draws_no_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from wasd_bringup.cli import demo
+
+    class CutRun(demo.Run):
+        def run(self, stop: Any) -> None:
+            if self.options.duration > 0.1:
+                signal.raise_signal(signal.SIGINT)
+            super().run(stop)
+
+    whole, cut = demo.TOUR[1]._replace(duration=0.1), demo.TOUR[0]._replace(duration=0.2)
+    monkeypatch.setattr(demo, 'Run', CutRun)
+    monkeypatch.setattr(demo, 'choose_renderer', lambda: True)
+    for tour, runs in (((cut,), []), ((whole, cut), [whole.title])):
+        monkeypatch.setattr(demo, 'TOUR', tour)
+        assert demo.demo_command(str(tmp_path)) == 130
+        tables = [path.read_text() for path in tmp_path.glob('demo.json')]
+        assert [row['run'] for table in tables for row in json.loads(table)] == runs
+    assert not list(tmp_path.glob('*.png'))
+    assert capsys.readouterr().err == ''
 
 
 def test_its_help_has_three_examples(capsys: pytest.CaptureFixture[str]) -> None:

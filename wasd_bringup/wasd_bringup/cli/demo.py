@@ -170,21 +170,26 @@ def demo_command(output: str, only: str = '') -> int:
         for stop in tour:
             print(f'{stop.title} ...', flush=True)
             try:
-                results.append(_visit(stop, folder, pictures, signals))
+                result = _visit(stop, folder, pictures, signals)
             except OSError as error:  # of a picture
                 raise UserError(f'--output {output}: {one_line(error)}') from None
-            if signals.requested:
-                return signals.exit_status or 130
+            if result is None:
+                break
+            results.append(result)
+    status = (signals.exit_status or 130) if signals.requested else 0
+    if not results:
+        return status
     table = format_table(results)
     rows = [result._asdict() for result in results]
     texts = (table, json.dumps(rows, indent=2) + '\n')
     for file, text in zip(files, texts, strict=True):
         file.write(text.encode())
     print(f'\n{table}\nin {folder}: {", ".join(sorted(path.name for path in folder.iterdir()))}')
-    return 0
+    return status
 
 
-def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Result:
+def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Result | None:
+    """Run a stop and draw it; None if a signal cut it short, which is then not drawn."""
     options = RunOptions(
         robot=stop.robot.name,
         description=stop.robot.description,
@@ -208,6 +213,8 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
             positions = run.world.data.qpos
             run.simulation.schedule.every(spacing, lambda: frames.append(positions.copy()))
         run.run(signals)
+        if signals.requested:
+            return None
         report = run.report()
         if pictures and stop.viewpoint is not None:
             path = folder / f'{stop.name}.png'
