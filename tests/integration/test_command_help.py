@@ -113,6 +113,16 @@ def test_its_help_has_three_examples(capsys: pytest.CaptureFixture[str]) -> None
     assert len(re.findall(r'^  wasd \w+', text.partition('examples:')[2], re.MULTILINE)) == 3
 
 
+@pytest.mark.parametrize(('command', 'word'), [('test', '--quick'), ('lint', 'mypy')])
+def test_the_clone_s_commands_have_help_as_all_have(
+    command: str, word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for ask in ('-h', '--help'):
+        text = said([command, ask], capsys)
+        assert f'usage: wasd {command}' in text
+        assert word in text
+
+
 def test_it_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert re.fullmatch(r'wasd \d+\.\d+\.\d+\n', said(['--version'], capsys))
 

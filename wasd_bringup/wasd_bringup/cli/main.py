@@ -44,6 +44,11 @@ WORKERS = (
 )
 # How a file that describes a robot ends.
 DESCRIPTIONS = ('.urdf', '.xacro', '.xml', '.sdf')
+# Commands that take other words as they are, and know nothing of --help themselves.
+HELPED = {
+    'test': 'run the tests; --quick: those without processes; other words go to pytest',
+    'lint': 'run the linters: ruff and mypy',
+}
 LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
 
 
@@ -126,12 +131,8 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
     )
     add_replay_options(replay)
     add_graph_commands(commands)
-    commands.add_parser(
-        'test',
-        help='run the tests; --quick: those without processes; other words go to pytest',
-        add_help=False,
-    )
-    commands.add_parser('lint', help='run the linters: ruff and mypy', add_help=False)
+    for name, summary in HELPED.items():
+        commands.add_parser(name, help=summary, description=f'{summary[0].upper()}{summary[1:]}.')
     commands.add_parser('bench', help='run the benchmark: a table and JSON', add_help=False)
     return parser
 
@@ -177,7 +178,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     prepare_streams()
     tolerate_any_text()
     try:
-        if words and words[0] in CLONE_COMMANDS:
+        asks = words[1:] in (['-h'], ['--help']) and words[0] in HELPED
+        if words and words[0] in CLONE_COMMANDS and not asks:
             return CLONE_COMMANDS[words[0]](words[1:])
         if words[:1] == ['describe'] and describe_command.is_command(words[1:]):
             return describe_command.main(words[1:])

@@ -21,7 +21,7 @@ DISTRIBUTIONS = ('wasd-robots', 'wasd_bringup')
 EXAMPLES = (
     ('go2', 'stand, trot and walk a Unitree Go2'),
     ('mbot --preset wasd', 'drive a small wheeled robot'),
-    ('demo', 'watch both robots on a scripted tour'),
+    ('demo go2', 'watch a scripted Go2 on a page'),
 )
 BOTH_EXAMPLES = (
     ('both', 'TAB selects the other robot'),
