@@ -8,6 +8,7 @@ from robot_description.mujoco.builder import compile_model, to_mujoco
 from robot_description.mujoco.geoms import COLLISION_GROUP, VISUAL_GROUP
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
+from wasd_core.robot_io import TIME_STEP
 
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
 BOX = '<box size="1 1 1"/>'
@@ -299,3 +300,22 @@ def test_a_link_whose_drawn_mesh_is_missing_still_needs_the_one_it_collides_with
         DescriptionError, match="'a' collides with what is not: mesh collision.stl"
     ):
         to_mujoco(parse_urdf(text), visuals=True)
+
+
+def test_dry_friction_holds_a_light_wheel_against_half_of_it():
+    text = (
+        f'<robot name="r"><link name="world"/>{link("wheel").replace("1e-3", "5e-5")}'
+        '<joint name="axle" type="continuous"><parent link="world"/><child link="wheel"/>'
+        '<axis xyz="0 0 1"/><dynamics friction="10"/><limit effort="20" velocity="1"/></joint>'
+        '</robot>'
+    )
+    spec = to_mujoco(parse_urdf(text))
+    spec.option.timestep = TIME_STEP
+    model = compile_model(spec)
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 5.0
+    mujoco.mj_step(model, data, nstep=100)
+    assert abs(data.qpos[0]) < 2e-3
+    data.ctrl[0] = 11.0
+    mujoco.mj_step(model, data, nstep=100)
+    assert data.qvel[0] == pytest.approx((11.0 - 10.0) / 5e-5 * 0.1, rel=0.02)

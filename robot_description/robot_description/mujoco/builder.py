@@ -15,6 +15,7 @@ import contextlib
 import mujoco
 import numpy as np
 from wasd_core.errors import DescriptionError, one_line
+from wasd_core.robot_io import TIME_STEP
 from wasd_core.rotations import NO_ORIGIN, Origin
 
 from robot_description.morphology.quadruped import find_imu, imu_position, REFLECTED_INERTIA
@@ -32,6 +33,9 @@ from robot_description.robot import Joint, possible_inertia, Robot, WORLD_LINK
 CLEARANCE = 0.05
 # A link without mass between two joints, as a hip of three axes has, gets so much [kg], [kg m^2].
 NEXT_TO_NOTHING = 1e-9
+# Dry friction that holds a light wheel, which would creep by MuJoCo's own: as quick as a step of
+# physics allows, and as hard as MuJoCo can.
+DRY_SOLREF, DRY_SOLIMP = (2.0 * TIME_STEP, 1.0), (0.9999, 0.9999)
 # How far a joint whose limits are equal may move to either side [rad], [m].
 LOCKED = 1e-6
 
@@ -161,6 +165,8 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     for each in added:
         each.damping[0] = joint.damping
         each.frictionloss = joint.friction
+        if joint.kind == 'continuous':
+            each.solref_friction[:], each.solimp_friction[:2] = DRY_SOLREF, DRY_SOLIMP
     if joint.kind == 'revolute':
         added[0].armature = REFLECTED_INERTIA
     if np.isfinite(joint.upper):
