@@ -162,13 +162,18 @@ def judged_while_alive(browser: Any) -> Iterator[None]:
 
 def presses(path: Path) -> list[str]:
     """Return the keys that a run has saved, without HELD and RELEASE."""
-    keys = [line.split(maxsplit=1)[1] for line in path.read_text().splitlines()]
-    return [key for key in keys if '+' not in key]
+    return [key for key in saved_keys(path) if '+' not in key]
+
+
+def saved_keys(path: Path) -> list[str]:
+    """Return all keys that a run has saved."""
+    return [line.split(maxsplit=1)[1] for line in path.read_text().splitlines()]
 
 
 def wait_for_key(path: Path, key: str, times: int = 1, since: int = 0) -> None:
     """Wait until a run has saved a key, after so many others: a slow page tells of it late."""
     deadline = time.monotonic() + PATIENCE
-    while presses(path)[since:].count(key) < times:
+    named = saved_keys if '+' in key else presses
+    while named(path)[since:].count(key) < times:
         assert time.monotonic() < deadline, f'{key} did not come: {presses(path)}'
         time.sleep(0.05)

@@ -107,6 +107,33 @@ def test_a_key_that_is_held_drives_and_ends_with_the_browser(
     assert report['samples']['position'][-1][0] > 0.02
 
 
+def test_a_key_that_is_held_while_the_page_is_left_counts_after_its_release(
+    run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
+) -> None:
+    def tell(what: str, is_repeat: bool = False) -> None:
+        key = {'key': 'i', 'code': 'KeyI', 'windowsVirtualKeyCode': 73}
+        words = {'type': what, 'autoRepeat': is_repeat, **key}
+        browser.execute_cdp_cmd('Input.dispatchKeyEvent', words)
+
+    run = run_with_page('mbot', '--save-keys', 'keys.txt')
+    open_page(browser, run.url)
+    skip_unless_alive(browser)
+    saved = tmp_path / 'keys.txt'
+    tell('keyDown')
+    wait_for_key(saved, 'i')
+    browser.execute_script("dispatchEvent(new Event('blur'))")
+    wait_for_key(saved, 'RELEASE+i')
+    pressed = presses(saved).count('i')
+    for _ in range(20):
+        tell('keyDown', is_repeat=True)
+        time.sleep(0.1)
+    assert presses(saved).count('i') == pressed
+    tell('keyUp')
+    time.sleep(1.0)
+    tell('keyDown')
+    wait_for_key(saved, 'i', pressed + 1)
+
+
 def test_without_ros_the_page_answers_this_machine_only_and_a_second_run_takes_the_next_port(
     run_with_page: Callable[..., Any],
 ) -> None:

@@ -39,7 +39,18 @@ _TEXT_PAGE = b"""<!doctype html><html lang="en"><head><meta charset="utf-8">
 <meta http-equiv="refresh" content="1"><title>wasd</title></head>
 <body style="background:#17191f;color:#e0e5ec"><pre style="font-size:18px">%s</pre></body></html>
 """
-_VIEWPORT = b'<meta name="viewport" content="width=device-width, initial-scale=1">'
+# A phone's pixels are as large as it says: else all is half as large. What leaves the page forgets
+# its keys: the repeat of one that is still down is no press.
+_HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-scale=1"><script>{
+  const down = new Set();
+  const forget = () => down.clear();
+  for (const leaving of ['blur', 'visibilitychange']) addEventListener(leaving, forget, true);
+  addEventListener('keyup', event => down.delete(event.code), true);
+  addEventListener('keydown', event => {
+    if (!event.repeat) down.add(event.code);
+    else if (!down.has(event.code)) event.stopImmediatePropagation();
+  }, true);
+}</script>"""
 _LOG = logging.getLogger(__name__)
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
@@ -233,7 +244,7 @@ def serve_page(
             return _response(200, 'OK', 'text/html; charset=utf-8', _TEXT_PAGE % words)
         response = process_request(connection, request)
         if response is not None and path in ('/', '/index.html') and response.status_code == 200:
-            return _for_phones(response)
+            return _with_head(response)
         return response
 
     async def admit(connection: ServerConnection, request: Request) -> Response | None:
@@ -264,9 +275,9 @@ def _response(status: int, reason: str, kind: str, body: bytes) -> Response:
     return Response(status, reason, headers, body)
 
 
-def _for_phones(response: Response) -> Response:
-    """Return Studio's page with its pixels as large as the phone's: else all is half as large."""
-    body = response.body.replace(b'<head>', b'<head>' + _VIEWPORT, 1)
+def _with_head(response: Response) -> Response:
+    """Return Studio's page with what is ours in its head."""
+    body = response.body.replace(b'<head>', _HEAD, 1)
     if 'Content-Length' in response.headers:
         del response.headers['Content-Length']
         response.headers['Content-Length'] = str(len(body))
