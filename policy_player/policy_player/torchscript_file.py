@@ -78,6 +78,8 @@ def read_torchscript(data: bytes) -> LayeredNetwork:
         raise PolicyError(f'is no TorchScript file, or is cut short: {CURE}') from None
     if 'data.pkl' not in files or not any(name.startswith('code/') for name in files):
         raise PolicyError(f'is a checkpoint of training, no exported network: {CURE}')
+    if any(name.startswith('code/__torch__/torch/nn/modules/rnn') for name in files):
+        raise PolicyError('is recurrent: a memory is not played')
     try:
         root = _Unpickler(files).load()
     except PolicyError:
@@ -172,7 +174,7 @@ def _network(root: Module, files: dict[str, bytes]) -> LayeredNetwork:
         if normaliser.name != 'EmpiricalNormalization' or not set(names) <= set(tensors):
             raise PolicyError(f'normalizer {normaliser.name}: not known: {CURE}')
         mean, deviation = (np.ravel(tensors[name]).astype(np.float32) for name in names)
-        deviation = deviation + np.float32(0.01)  # rsl_rl's epsilon
+        deviation = deviation + np.float32(normaliser.members.get('eps', 0.01))
     return LayeredNetwork(_layers(chain, files), mean, deviation)
 
 
@@ -192,7 +194,8 @@ def _layers(chain: Module, files: dict[str, bytes]) -> list[Layer]:
                 raise PolicyError(f'layer {name}: weight and bias do not fit')
             layers.append(Layer(weight, bias))
         elif child.name in ACTIVATIONS and layers and layers[-1].activation is None:
-            if child.members.get('alpha', 1.0) != 1.0:
+            slope = re.search(r'\belu_?\(\w+, ([^,)]+)', _forward(child, files))
+            if slope is not None and float(slope[1]) != 1.0:
                 raise PolicyError(f'layer {name}, {child.name}: wanted alpha 1: {CURE}')
             layers[-1] = layers[-1]._replace(activation=ACTIVATIONS[child.name])
         elif child.name not in ('Identity', 'Dropout'):
@@ -202,13 +205,19 @@ def _layers(chain: Module, files: dict[str, bytes]) -> list[Layer]:
 
 def _check_code(root: Module, files: dict[str, bytes]) -> None:
     """Check that the outermost module only passes data from one of its modules to the next."""
-    path = 'code/' + root.kind.rpartition('.')[0].replace('.', '/') + '.py'
+    body = _forward(root, files)
+    if not body:
+        raise PolicyError(f'does not say what it computes: {CURE}')
+    if re.search(r'torch\.|ops\.|[-+*/%]', body):
+        raise PolicyError(f'computes more than its layers do: {CURE}')
+
+
+def _forward(module: Module, files: dict[str, bytes]) -> str:
+    """Return the code by which a module computes, '' where the file has none."""
+    path = 'code/' + module.kind.rpartition('.')[0].replace('.', '/') + '.py'
     code = files.get(path, b'').decode(errors='replace')
     found = re.search(
-        rf'class {re.escape(root.name)}\(Module\):(.*?)(?=^class |\Z)', code, re.DOTALL | re.M
+        rf'class {re.escape(module.name)}\(Module\):(.*?)(?=^class |\Z)', code, re.DOTALL | re.M
     )
     body = re.search(r'def forward\((.*?)(?=\n  def |\Z)', found[1], re.DOTALL) if found else None
-    if body is None:
-        raise PolicyError(f'does not say what it computes: {CURE}')
-    if re.search(r'torch\.|ops\.|[-+*/%]', body[1].partition('->')[2].partition(':')[2]):
-        raise PolicyError(f'computes more than its layers do: {CURE}')
+    return '' if body is None else body[1].partition('->')[2].partition(':')[2]

@@ -360,14 +360,14 @@ def test_presets_follow_their_conventions(tmp_path, rng):
 def test_a_torchscript_file_normalises_first(tmp_path, rng):
     weights, biases = layers(rng, 45, 16, 12)
     mean, deviation = rng.normal(size=(1, 45)), rng.uniform(0.5, 2.0, (1, 45))
-    normal = TorchModule('EmpiricalNormalization', _mean=mean, _std=deviation)
     path = tmp_path / 'policy.pt'
-    path.write_bytes(torchscript(exporter(weights, biases, normalizer=normal)))
     config = write(tmp_path, 'config.yaml', rl_sar(MOTORS))
-    policy = read_policy(path, config)
     shown = rng.normal(size=45).astype(np.float32)
-    wanted = run(weights, biases, (shown - mean[0]) / (deviation[0] + 0.01))
-    np.testing.assert_allclose(policy.network(shown), wanted, atol=1e-5)
+    for eps in (0.01, 1e-5):
+        normal = TorchModule('EmpiricalNormalization', _mean=mean, _std=deviation, eps=eps)
+        path.write_bytes(torchscript(exporter(weights, biases, normalizer=normal)))
+        wanted = run(weights, biases, (shown - mean[0]) / (deviation[0] + eps))
+        np.testing.assert_allclose(read_policy(path, config).network(shown), wanted, atol=1e-5)
 
 
 def test_between_the_steps_of_a_policy_targets_stay(tmp_path, rng):

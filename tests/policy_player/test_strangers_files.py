@@ -403,17 +403,39 @@ def test_torchscript_that_computes_itself_within_is_refused(tmp_path):
     assert 'computes more than its layers do' in refusal(path, config)
 
 
+# Torch writes the slope into the code alone, in two ways.
+ELU = """class ELU(Module):
+  def forward(self: __torch__.ELU,
+    input: Tensor) -> Tensor:
+    _0 = __torch__.torch.nn.functional.elu(input, SLOPE, False, )
+    return _0
+"""
+
+
 def test_an_elu_of_another_slope_is_refused(tmp_path):
     path, config = tmp_path / 'policy.pt', write(tmp_path, 'config.yaml', rl_sar(MOTORS))
     weights = [np.zeros((8, 45), np.float32), np.zeros((12, 8), np.float32)]
     root = exporter(weights, [np.zeros(8, np.float32), np.zeros(12, np.float32)])
-    for alpha, is_played in ((1.0, True), (0.3, False)):
-        root.members['actor'].members['1'].members['alpha'] = alpha
-        path.write_bytes(torchscript(root))
+    root.members['actor'].members['1'].package = '__torch__'
+    for slope, is_played in (('1.', True), ('0.5', False)):
+        path.write_bytes(torchscript(root, FORWARD + ELU.replace('SLOPE', slope)))
         if is_played:
             assert read_policy(path, config).spec.width == 45
         else:
             assert 'wanted alpha 1' in refusal(path, config)
+    traced = ELU.replace('_0 = __torch__.torch.nn.functional.elu(input, SLOPE, False, )\n', '')
+    traced = traced.replace('return _0', 'return torch.elu(input, 0.5)')
+    path.write_bytes(torchscript(root, FORWARD + traced))
+    assert 'wanted alpha 1' in refusal(path, config)
+
+
+def test_a_recurrent_torchscript_file_is_said_to_be_one(tmp_path):
+    path = tmp_path / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*ZERO)))
+    with zipfile.ZipFile(path, 'a') as archive:
+        archive.writestr('policy/code/__torch__/torch/nn/modules/rnn.py', 'class LSTM(Module):\n')
+    text = refusal(path, write(tmp_path, 'config.yaml', rl_sar(MOTORS)))
+    assert text == f'{path}: is recurrent: a memory is not played'
 
 
 def test_older_files_of_rl_sar_name_controllers_and_reduce_hips(tmp_path, policy):
