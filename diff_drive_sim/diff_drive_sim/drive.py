@@ -39,6 +39,8 @@ JUMPED = (
 )
 # That is said again only after this [s].
 JUMPS_SAID = 5.0
+# Between two commands of keys, scripts, the page and the navigator [s].
+COMMAND_PERIOD = 0.05
 
 
 def gains_of(parameters: DiffDriveParameters) -> Gains:
@@ -269,6 +271,12 @@ class DiffDrive:
         self._strength = ahead.scaled(USED_SHARE), turning.scaled(USED_SHARE)
         self._weakest = pair.weakest.joint
         self._slower = min(pair.wheels, key=lambda wheel: wheel.joint.velocity or math.inf).joint
+        timeout = parameters.cmd_vel_timeout
+        if 0.0 < timeout < COMMAND_PERIOD:
+            notes += (
+                f'cmd_vel_timeout is {timeout:g} s, but keys, scripts and goals command every '
+                f'{COMMAND_PERIOD:g} s: it brakes in between; usual is 0.5',
+            )
         self.notes = (*notes, *self._weaknesses(parameters, geometry))
         self._jumped = Watchdog(JUMPS_SAID)
         self._has_said = self._has_said_short = False

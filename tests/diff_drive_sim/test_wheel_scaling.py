@@ -5,6 +5,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from cases import for_all
 from descriptions import robot_named
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
@@ -168,6 +169,16 @@ def test_a_weak_motor_is_told_with_its_torque_and_the_ramp_keeps_to_it():
         unit.step_fake(0.005)
     assert unit.controller.velocity.linear == pytest.approx(0.3, abs=0.02)
     assert DiffDrive(robot_named('mbot').robot, DiffDriveParameters()).notes == ()
+
+
+@for_all(('timeout', 'is_told'), [(0.0, False), (0.03, True), (0.05, False), (0.5, False)])
+def test_a_time_out_shorter_than_the_time_between_commands_is_told(mbot, timeout, is_told):
+    notes = DiffDrive(mbot, DiffDriveParameters(cmd_vel_timeout=timeout)).notes
+    line = (
+        f'cmd_vel_timeout is {timeout:g} s, but keys, scripts and goals command every 0.05 s: '
+        'it brakes in between; usual is 0.5'
+    )
+    assert notes == (line,) * is_told
 
 
 def test_a_motor_weaker_than_its_joints_friction_is_told(mbot):
