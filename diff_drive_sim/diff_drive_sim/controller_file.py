@@ -32,6 +32,8 @@ UNUSED = frozenset(
     + ('position_feedback', 'wheels_per_side', 'tf_frame_prefix', 'tf_frame_prefix_enable')
     + ('type',)
 )
+# What ROS 1 calls its own, in a file without `ros__parameters`.
+ROS_1_TYPE = 'diff_drive_controller/DiffDriveController'
 # What arbotix does when its file leaves a parameter out and ours differs.
 ARBOTIX_DEFAULTS = {'cmd_vel_timeout': 1.0}
 NODE_NAME = 'diff_drive_controller'
@@ -73,6 +75,13 @@ def _read(root: yaml.MappingNode) -> ControllerFile:
         name, entries = _arbotix(root, top)
     else:
         name, entries = entries_of(root, KIND)
+    for key, entry in entries.items():
+        owner, _, last = key.rpartition('.')
+        if owner and last == 'type' and entry.value == ROS_1_TYPE:
+            raise InvalidParameter(
+                f':{entry.line}: {owner} has the parameters of ROS 1: wanted those of ROS 2, '
+                f'{owner}: {{ros__parameters: {{left_wheel_names: [JOINT], ...}}}}'
+            )
     entries = _without_switched_off(entries)
     values: dict[str, Any] = {}
     unused: list[str] = []

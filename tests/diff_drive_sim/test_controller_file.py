@@ -196,6 +196,11 @@ def test_a_plain_table_has_the_names_of_here(read):
             'drive.yaml:1: controllers needs one of type diff_controller, '
             'got base_controller (servo_controller)',
         ),
+        (
+            'base:\n  type: "diff_drive_controller/DiffDriveController"\n  left_wheel: l',
+            'drive.yaml:2: base has the parameters of ROS 1: wanted those of ROS 2, '
+            'base: {ros__parameters: {left_wheel_names: [JOINT], ...}}',
+        ),
         ('controllers: 5', 'drive.yaml:1: controllers must name at least one controller'),
         (
             'linear.x.max_deceleration: 2.0',
