@@ -203,6 +203,19 @@ def test_a_caster_on_a_swivel_is_no_wheel():
     assert (geometry.left_joint, geometry.right_joint) == ('l_joint', 'r_joint')
 
 
+@for_all(
+    ('off', 'said'),
+    [(0.01, "0_joint is a gear on 'ring_joint'"), (0.04, 'ring_joint has 4 rollers')],
+)
+def test_gears_around_an_axle_are_neither_wheels_nor_the_rollers_of_an_omni_wheel(off, said):
+    small = [
+        wheel(f'{n}', 0.01 * n, off, radius=0.015).replace('link="base"', 'link="ring"')
+        for n in range(4)
+    ]
+    with pytest.raises(DiffDriveError, match=said):
+        find_wheels(robot(wheel('ring', 0.0, radius=0.05), *small))
+
+
 def test_of_four_alike_the_names_choose():
     four = [wheel(f'{end}{side}', y, x) for end, x in (('f', 0.1), ('b', -0.1))
             for side, y in (('l', 0.2), ('r', -0.2))]  # fmt: skip

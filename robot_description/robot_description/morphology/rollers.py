@@ -74,11 +74,13 @@ def find_rollers(robot: Robot) -> list[Roller]:
     every = [roller for joint in robot.movable_joints for roller in _roller(robot, joint)]
     wheels = {roller.joint.name: roller for roller in every}
     beads: dict[str, list[np.ndarray]] = {name: [] for name in wheels}
-    for name, roller in list(wheels.items()):
-        carrier = next((each.name for each in roller.above if each.name in beads), None)
+    for roller in every:
+        carrier = next((wheels[each.name] for each in roller.above if each.name in wheels), None)
         if carrier is not None:
-            beads[carrier].append(roller.axis)
-            del wheels[name]
+            off = np.cross(carrier.axis, roller.position - carrier.position)
+            if float(np.linalg.norm(off)) > roller.radius:  # else a gear around its axle
+                beads[carrier.joint.name].append(roller.axis)
+            del wheels[roller.joint.name]
     usual = max((roller.radius for roller in wheels.values()), default=0.0)
     found = [
         roller._replace(radius=roller.radius or usual, beads=tuple(beads[name]))

@@ -216,6 +216,10 @@ def _wheel(
     tyre = find_tyre(robot, joint, choice.radius)
     if isinstance(tyre, str):
         return tyre
+    names = [each.name for each in mounts]
+    larger = (r.joint.name for r in rollers if r.joint.name in names and r.radius > tyre.radius)
+    if hub := next(larger, ''):
+        return f'is a gear on {hub!r}, which turns something larger'
     position = (frame @ Pose(tyre.centre, np.eye(3))).position
     return DriveWheel(joint, position, tyre.radius, 1 if axis[1] > 0.0 else -1, tyre, above)
 
