@@ -151,7 +151,7 @@ def _lint(options: argparse.Namespace) -> int:
 
 def _fix(options: argparse.Namespace) -> int:
     from robot_description.fix.edits import read_renames
-    from robot_description.fix.mending import mend, write_mended
+    from robot_description.fix.mending import lost_there, mend, write_mended
 
     renames = read_renames(options.rename)
     fixes = mend(options.path, options.arguments, options.package_path, renames, options.only)
@@ -160,9 +160,19 @@ def _fix(options: argparse.Namespace) -> int:
         print(f'mended: {", ".join(fixes.mended)}', file=sys.stderr)
     for one in fixes.left:
         print(f'left: {one.line()}', file=sys.stderr)
+    errors = [one for one in fixes.left if one.is_error]
     if options.output is not None:
-        print(f'written: {write_mended(fixes, options.path, options.output)}', file=sys.stderr)
-    return int(any(one.is_error for one in fixes.left))
+        output = write_mended(fixes, options.path, options.output)
+        print(f'written: {output}', file=sys.stderr)
+        lost = lost_there(fixes, output, options.arguments, options.package_path)
+        errors += lost
+        for one in lost[:1]:
+            print(
+                f'left: it does not load there: write it beside {options.path}, or name a folder, '
+                f'which gets the whole package: {one.line()}',
+                file=sys.stderr,
+            )
+    return int(bool(errors))
 
 
 def _info(options: argparse.Namespace) -> int:

@@ -27,6 +27,23 @@ def test_a_file_gets_the_mended_text(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_file_that_does_not_load_where_it_is_written_is_told(tmp_path, capsys):
+    (tmp_path / 'parts.xacro').write_text('<robot><link name="base"/></robot>')
+    text = (FIXTURES / 'lint/repeated-material.urdf').read_text()
+    include = '<xacro:include filename="parts.xacro" xmlns:xacro="http://ros.org/wiki/xacro"/>'
+    text = text.replace('</robot>', include + '</robot>').replace('"base"', '"body"')
+    (path := tmp_path / 'robot.xacro').write_text(text)
+    (elsewhere := tmp_path / 'elsewhere').mkdir()
+    beside, away = tmp_path / 'mended.xacro', elsewhere / 'mended.xacro'
+    main(['fix', str(path), '--output', str(beside)])
+    assert 'does not load there' not in capsys.readouterr().err
+    assert main(['fix', str(path), '--output', str(away)]) == 1
+    said = capsys.readouterr().err
+    assert f'left: it does not load there: write it beside {path}, or name a folder' in said
+    assert said.count('no such file') == 1
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize('spelling', ['{0}/mbot.xacro', '{0}/../urdf/mbot.xacro', 'link'])
 def test_a_source_is_not_written_over(courses_mbot, tmp_path, capsys, spelling):
     before = courses_mbot.read_bytes()

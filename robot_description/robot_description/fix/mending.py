@@ -22,7 +22,9 @@ from robot_description.fix.edits import (
 )
 from robot_description.fix.workspace import Edit, Workspace
 from robot_description.lint.rules import Finding
+from robot_description.lint.session import lint
 from robot_description.packages import own_folder, source_of
+from robot_description.xacro.session import XacroSession
 
 # What diff and patch call a line; Python's splitlines knows other ends, too.
 LINE = re.compile(r'[^\n]*\n|[^\n]+')
@@ -140,6 +142,17 @@ def write_mended(fixes: Fixes, description: Path, output: Path) -> Path:
         return output
     except OSError as error:
         raise DescriptionError(f'--output {output}: {one_line(error)}') from None
+
+
+def lost_there(
+    fixes: Fixes, output: Path, arguments: Mapping[str, str], search: Sequence[Path]
+) -> tuple[Finding, ...]:
+    """Return the errors of what was written that come of its place: it names files beside it."""
+    if not output.is_file():  # a pipe
+        return ()
+    known = {one.rule.code for one in fixes.left}
+    found = lint(XacroSession(output, arguments, search))
+    return tuple(one for one in found if one.is_error and one.rule.code not in known)
 
 
 def _copy_package(fixes: Fixes, description: Path, output: Path) -> Path:
