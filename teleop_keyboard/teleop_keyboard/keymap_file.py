@@ -19,10 +19,12 @@ from typing import Any, NoReturn, TypeVar
 from wasd_core.errors import did_you_mean, one_line
 from wasd_core.parameter_file import compose_yaml, read_text
 from wasd_core.parameters import LONGEST_SHOWN, shown
+from wasd_core.timing import ALIASES, split_event
 import yaml
 
 from teleop_keyboard.keymap import (
     canonical_key,
+    capital,
     Direction,
     help_table,
     HIGHEST_ACCEL,
@@ -257,6 +259,12 @@ class _KeymapReader:
             self._fail(node, repr(text), str(error))
         if key in SIGNAL_KEYS:
             self._fail(node, text, 'ends or suspends the program, and never arrives as a key')
+        if split_event(key)[0]:
+            self._fail(node, text, 'tells more of a key than its press: name the key alone')
+        base = key.removeprefix('SHIFT+')
+        if base != key and len(ALIASES.get(base, base)) == 1:
+            wanted = f'name the character that it types, as {capital(base)}'
+            self._fail(node, text, f'never arrives: Shift is not named here, {wanted}')
         return key
 
     def _direction(self, node: yaml.Node, key: str) -> Direction:
