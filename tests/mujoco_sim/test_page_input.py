@@ -206,25 +206,45 @@ def see(page: PageInput, buttons: int) -> None:
 
 def test_what_the_pointer_holds_counts_only_if_it_went_down_while_the_page_was_alive(page, clock):
     see(page, 1)
-    assert not page.may_hold
+    assert page.silence > SILENCE
     see(page, 0)
     see(page, 1)
-    assert page.may_hold
+    assert page.silence <= SILENCE
     clock.now += SILENCE + 0.01
-    assert not page.may_hold
+    assert page.silence > SILENCE
     for _ in range(3):
         see(page, 1)
         assert page.is_alive
-        assert not page.may_hold
+        assert page.silence > SILENCE
     see(page, 0)
-    assert page.may_hold
+    assert page.silence <= SILENCE
+
+
+@pytest.mark.parametrize(('gap', 'counts'), [(LOSS - 0.01, True), (LOSS + 0.01, False)])
+def test_a_click_between_pictures_of_a_slow_page_counts_and_one_of_a_page_that_was_lost_does_not(
+    page, clock, gap, counts
+):
+    see(page, 0)
+    clock.now += gap
+    see(page, 1)
+    assert page.silence > SILENCE  # a stick that went down so is not held
+    assert (page.silence <= LOSS) == counts
+    see(page, 0)
+    assert page.silence == 0.0
+
+
+def test_a_click_of_a_page_that_comes_with_its_button_down_does_not_count(page):
+    see(page, 0)
+    page.lose('tab')
+    page.hear('next', NONE, Mouse(1))
+    assert page.silence > LOSS
 
 
 def test_a_press_after_one_that_does_not_count_does_though_no_frame_came_between(page, clock):
     tell(page, clock, (1, A), (0, A), (1, B))
-    assert not page.may_hold
+    assert page.silence > SILENCE
     assert changes_seen(page, clock, (1, B)) == [(1, A), (0, A), (1, B)]
-    assert page.may_hold
+    assert page.silence <= SILENCE
 
 
 def test_a_click_is_known_until_a_frame_was_begun_for_it(page):

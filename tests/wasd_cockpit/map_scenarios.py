@@ -6,7 +6,7 @@ import math
 import time
 
 from mujoco_sim.viewer.input import SILENCE
-from run_scenarios import Page
+from run_scenarios import Page, RATE
 from wasd_cockpit.panels.map import REACHES
 
 
@@ -48,6 +48,17 @@ def scenario_a_click_is_a_goal_that_a_key_takes_away(page: Page) -> None:
     page.tap('K')
     page.wait_until(lambda: goal(page) is None, 'a key takes over')
     assert page.snapshot.navigation.state == 'cancelled'
+
+
+def scenario_a_click_on_a_slow_page_is_a_goal(page: Page) -> None:
+    place = at_floor(page, 0.8)
+    page.puppet.rate = 1.6
+    page.puppet.press_at(place)
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) is not None, 'no goal')
+    page.puppet.rate = RATE
+    page.click('cancel goal')
+    page.wait_until(lambda: goal(page) is None, 'the goal stays')
 
 
 def scenario_a_drag_says_which_way_to_look_and_a_button_cancels(page: Page) -> None:

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import json
 import logging
+import math
 import os
 from pathlib import Path
 import time
@@ -13,7 +14,7 @@ from typing import Any
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.drawing import SLOW_PAGE
-from mujoco_sim.viewer.input import PageInput, SILENCE
+from mujoco_sim.viewer.input import LOSS, PageInput, SILENCE
 from wasd_core.output_file import OutputError, OutputFile
 
 from wasd_cockpit import style
@@ -107,7 +108,7 @@ class Cockpit:
             'view': View(self.scene),
             'world': World(),
         }
-        self._is_ghost = True
+        self._silence = math.inf  # the longest that a button is down since before [s]
         self._began = 0.0  # the last frame of panels [s]
         self._settings = settings
         self._kept = load_settings(settings)
@@ -172,14 +173,12 @@ class Cockpit:
         page.snapshot = page.link.snapshot
         size = imgui.GetIO().DisplaySize
         page.layout.resize(size.x, size.y)
-        # No button counts that ImGui has down since before it may, or before a silence.
+        # No button is held that ImGui has down since before a silence, whose end it hears of a
+        # frame late, and none clicks since before a loss.
         before, self._began = self._began, time.monotonic()
-        # ImGui hears of its end a frame late.
-        if not page_input.may_hold or self._began > before + SILENCE:
-            self._is_ghost = True
-        elif not imgui.IsAnyMouseDown():
-            self._is_ghost = False
-        page.is_live = not self._is_ghost
+        silence = max(self._began - before, page_input.silence)
+        self._silence = max(silence, self._silence) if imgui.IsAnyMouseDown() else silence
+        page.is_live, page.is_there = self._silence <= SILENCE, self._silence <= LOSS
         page.widgets.begin()
         page.widgets.scale = 1.0 if page.layout.is_desk else TOUCH_SCALE
         style.push_theme(page.widgets.scale)

@@ -205,11 +205,11 @@ class Scene:
         imgui.SetCursorPos(imgui.Vec2(0.0, 0.0))
         imgui.InvisibleButton('hand', imgui.Vec2(rect.width, rect.bottom - top))
         page.widgets.note('hand')
-        is_held = bool(imgui.IsItemActive()) and page.is_live
+        is_held = bool(imgui.IsItemActive())
         imgui.End()
         if self.hand == 'goal':
-            self._point(page, snapshot, is_held)
-        elif is_held:
+            self._point(page, snapshot, is_held and page.is_there)
+        elif is_held and page.is_live:
             self._push(page, snapshot)
         else:
             self._grabbed = None
@@ -225,7 +225,7 @@ class Scene:
             return x, y
 
         drag = self._dragging.step(is_held, snapshot.robot, to_map)
-        if drag is not None and page.is_live:
+        if drag is not None and page.is_there:
             page.link.order(Order.goal(*drag))
 
     def _push(self, page: PageState, snapshot: Snapshot) -> None:

@@ -89,7 +89,7 @@ class PageInput:
     counts only while `is_alive`.
 
     The server's thread calls `watch`, `hear` and `lose`, the viewer's `rest`, `wait_for_picture`
-    and `set_typing`, the simulation's `take_keys`. What the pointer holds down asks `may_hold`.
+    and `set_typing`, the simulation's `take_keys`. What the pointer holds down asks `silence`.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -109,7 +109,7 @@ class PageInput:
         self._clicks = Clicks()
         self._place = (0, 0)
         self.turns = Turns(clock)
-        self._is_ghost = False  # whether a button is down since before the browser was alive
+        self._silence = 0.0  # the longest that a button is down since before [s]
         self.has_clicked = False  # until a frame of panels was begun for it
 
     @property
@@ -120,9 +120,15 @@ class PageInput:
             return self._life.is_alive
 
     @property
-    def may_hold(self) -> bool:
-        """Whether what the pointer holds down counts: a stick, a push."""
-        return self.is_alive and not self._is_ghost
+    def silence(self) -> float:
+        """
+        How long the browser has been silent, now or while a button was down [s].
+
+        What the pointer holds down, a stick or a push, counts within SILENCE, a click within LOSS.
+        """
+        with self._lock:
+            self._step()
+            return max(self._silence, self._life.age)
 
     @property
     def is_present(self) -> bool:
@@ -192,8 +198,7 @@ class PageInput:
             since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
             shown = self._clicks.show(mouse, since)
-            is_ghost = self._is_ghost or not self._life.is_alive
-            self._is_ghost = is_ghost and shown.buttons != 0
+            self._silence = max(self._silence, self._life.age) if shown.buttons else 0.0
             self._keys.report(down, since)
             self._life.hear()
             self._presence.hear()

@@ -72,7 +72,7 @@ class Map:
         drag = self._dragging.step(
             is_held, snapshot.robot, lambda x, y: view.to_floor(x, y) if navigation else None
         )
-        if drag is not None and page.is_live:
+        if drag is not None and page.is_there:
             page.link.order(Order.goal(*drag))
         paint_grid(rect, view)
         points, trail = page.sight.seen.points, snapshot.trail
@@ -108,7 +108,7 @@ class Map:
         room = imgui.GetContentRegionAvail()
         imgui.InvisibleButton('floor', imgui.Vec2(max(room.x, 40.0), max(room.y, 40.0)))
         rect = page.widgets.note('floor')
-        is_held = bool(imgui.IsItemActive()) and page.is_live
+        is_held = bool(imgui.IsItemActive()) and page.is_there
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
         return rect, is_held

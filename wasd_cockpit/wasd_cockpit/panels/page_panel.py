@@ -19,7 +19,8 @@ class PageState:
     What panels have of the page in the frame that is drawn.
 
     `held` is what the stick says, `push` with what a hand pushes; `is_live` is whether what is
-    held down counts: the browser is alive, and what is down went down since it is.
+    held down counts: the browser is alive, and what is down went down since it is; `is_there`
+    whether a click counts: the same of a browser that may be slow, but was not lost.
     """
 
     link: Link
@@ -32,6 +33,7 @@ class PageState:
     held: Stick | None = None
     push: Push | None = None
     is_live: bool = False
+    is_there: bool = False
 
     def beside_tabs(self, gap: float) -> None:
         """Put what comes next beside the tabs, so far [pixels], where they leave room."""
