@@ -35,7 +35,7 @@ from wasd_cockpit.panels.map import FREE_GREY, paint_cells, REACHES
 from wasd_cockpit.panels.plots import MOST_POINTS, runs, thin
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.style import TEXT
-from wasd_cockpit.widgets import Rect
+from wasd_cockpit.widgets import fold, Rect
 
 KEYBOARD = Path(__file__).parents[2] / 'docs/keyboard.md'
 
@@ -117,6 +117,21 @@ def test_lines_are_thinned_to_what_is_seen_and_end_with_the_last_sample(count):
     history = np.arange(float(count))[:, None]
     assert 1 <= len(thin(history)) <= MOST_POINTS
     assert thin(history)[-1] == count - 1
+
+
+@pytest.mark.parametrize(
+    ('width', 'lines'),
+    [
+        (40, ['page too slow: drive by keys', '', 'as it is']),
+        (28, ['page too slow: drive by keys', '', 'as it is']),
+        (27, ['page too slow: drive by', 'keys', '', 'as it is']),
+        (8, ['page too', 'slow:', 'drive by', 'keys', '', 'as it is']),
+        (1, ['page', 'too', 'slow:', 'drive', 'by', 'keys', '', 'as', 'it', 'is']),
+    ],
+)
+def test_text_is_broken_between_words(width, lines):
+    text = 'page too slow: drive by keys\n\nas it is'
+    assert fold(text, width, len).split('\n') == lines
 
 
 def test_many_points_are_on_the_page_where_each_is():

@@ -158,13 +158,30 @@ class Widgets:
     ) -> None:
         """Draw words in a colour, broken at the window's edge, `wrapped`, or at a width [px]."""
         imgui.PushStyleColor(_TEXT, style.colour(rgb))
-        # Not `Text`, for which `%` begins a format.
         if wrapped or width:
+            room = width - imgui.GetCursorPosX() if width else imgui.GetContentRegionAvail().x
+            text = fold(text, room, lambda line: imgui.CalcTextSize(line).x)
             imgui.PushTextWrapPos(width)
+        # Not `Text`, for which `%` begins a format.
         imgui.TextUnformatted(text)
         if wrapped or width:
             imgui.PopTextWrapPos()
         imgui.PopStyleColor()
+
+
+def fold(text: str, width: float, measure: Callable[[str], float]) -> str:
+    """Return a text broken between words, for ImGui breaks within them; a longer one stays."""
+    lines: list[str] = []
+    for whole in text.split('\n'):
+        line, *words = [whole] if measure(whole) <= width else whole.split(' ')
+        for word in words:
+            if measure(f'{line} {word}') <= width:
+                line += f' {word}'
+            else:
+                lines.append(line)
+                line = word
+        lines.append(line)
+    return '\n'.join(lines)
 
 
 def in_rows(items: Iterable[Item], across: int = 100, gap: float = -1.0) -> Iterator[Item]:
