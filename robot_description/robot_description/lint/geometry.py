@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.errors import DescriptionError
 from wasd_core.rotations import Pose
 
 from robot_description.lint.model import Element, end, Model
@@ -13,6 +14,7 @@ from robot_description.lint.rules import Finding, finding
 from robot_description.morphology.names import OPPOSITE, part, sides, words
 from robot_description.morphology.rollers import find_rollers, is_on_leg
 from robot_description.morphology.tyre import imbalance, is_unbalanced
+from robot_description.morphology.wheels import find_drive
 from robot_description.robot import absurd_size, Robot
 from robot_description.urdf import INERTIA_COMPONENTS
 
@@ -119,6 +121,25 @@ def check_balance(model: Model, robot: Robot) -> Iterator[Finding]:
             off = imbalance(robot, roller.joint)
             text = f'the centre of mass of {link.name!r} is {off:.3g} m off its axle'
             yield finding('unbalanced-wheel', (link.find('inertial') or link).place, text)
+
+
+def check_wheel_room(model: Model, robot: Robot) -> Iterator[Finding]:
+    """No link that moves by itself lies in a driven wheel where the joints rest."""
+    wheels = {wheel.joint.child for wheel in find_drive(robot).wheels}
+    if not wheels:
+        return
+    # Here, because MuJoCo takes longer to load than most files to check.
+    from robot_description.mujoco.builder import overlaps
+
+    try:
+        deepest = overlaps(robot)
+    except DescriptionError:  # which other findings tell
+        return
+    for (one, other), depth in deepest.items():
+        if (one in wheels) != (other in wheels):
+            wheel, link = (one, other) if one in wheels else (other, one)
+            text = f'{link!r} lies {1e3 * depth:.3g} mm deep in the wheel {wheel!r}'
+            yield finding('blocked-wheel', model.links[link].place, text)
 
 
 def check_masses(model: Model) -> Iterator[Finding]:

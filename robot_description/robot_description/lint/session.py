@@ -141,9 +141,9 @@ def _check_meshes(model: Model, robot: Robot, sources: Mapping[Path, bytes]) -> 
         if record.is_exact and record.better is not None and is_written:
             text = f'mesh {record.url!r} is an absolute path: other machines do not have it'
             yield finding('wrong-mesh-path', _place(model, record), text, f'write {record.better}')
-    yield from islice(
-        geometry.check_balance(model, replace(robot, mesh_files=report.files)), MOST_FINDINGS
-    )
+    robot = replace(robot, mesh_files=report.files)
+    for check in (geometry.check_balance, geometry.check_wheel_room):
+        yield from islice(check(model, robot), MOST_FINDINGS)
 
 
 def _place(model: Model, record: MeshRecord) -> Place:

@@ -270,6 +270,25 @@ def lowest_geom_point(
     return float((data.geom_xpos[geoms, 2] - reach).min(initial=np.inf))
 
 
+def overlaps(robot: Robot) -> dict[tuple[str, str], float]:
+    """
+    Return how deep links are in each other where the joints rest [m], by their names.
+
+    Raises:
+        DescriptionError: MuJoCo cannot read the robot.
+    """
+    model = compile_model(to_mujoco(robot))
+    data = mujoco.MjData(model)
+    for name, position in robot.rest_positions.items():
+        data.joint(name).qpos[0] = position
+    mujoco.mj_forward(model, data)
+    deepest: dict[tuple[str, str], float] = {}
+    for geoms, distance in zip(data.contact.geom.tolist(), data.contact.dist, strict=True):
+        one, other = (model.geom(geom).name.rpartition('/')[0] for geom in geoms)
+        deepest[one, other] = max(deepest.get((one, other), 0.0), -float(distance))
+    return deepest
+
+
 def add_masses(bodies: Mapping[str, mujoco.MjsBody], robot: Robot) -> None:
     """
     Give the links' bodies their masses and inertias, the nearest possible for an impossible one.
