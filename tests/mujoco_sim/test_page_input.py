@@ -220,14 +220,24 @@ def test_what_the_pointer_holds_counts_only_if_it_went_down_while_the_page_was_a
     assert page.silence <= SILENCE
 
 
-@pytest.mark.parametrize(('gap', 'counts'), [(LOSS - 0.01, True), (LOSS + 0.01, False)])
-def test_a_click_between_pictures_of_a_slow_page_counts_and_one_of_a_page_that_was_lost_does_not(
-    page, clock, gap, counts
+@pytest.mark.parametrize(
+    ('before', 'after', 'counts'),
+    [
+        (SILENCE + 0.01, SILENCE + 0.01, True),
+        (GONE - 0.01, LOSS - 0.01, True),
+        (GONE + 0.01, 0.1, False),
+        (0.1, LOSS + 0.01, False),
+    ],
+)
+def test_a_click_of_a_slow_page_counts_and_one_while_it_was_lost_does_not_and_none_holds(
+    page, clock, before, after, counts
 ):
     see(page, 0)
-    clock.now += gap
+    clock.now += before
     see(page, 1)
-    assert page.silence > SILENCE  # a stick that went down so is not held
+    clock.now += after
+    see(page, 1)
+    assert page.silence > SILENCE
     assert (page.silence <= LOSS) == counts
     see(page, 0)
     assert page.silence == 0.0

@@ -109,7 +109,7 @@ class Cockpit:
             'world': World(),
         }
         self._silence = math.inf  # the longest that a button is down since before [s]
-        self._began = 0.0  # the last frame of panels [s]
+        self._began, self._is_down = 0.0, False  # the last frame of panels [s], any button in it
         self._settings = settings
         self._kept = load_settings(settings)
         self._restore(self._kept)
@@ -176,8 +176,9 @@ class Cockpit:
         # No button is held that ImGui has down since before a silence, whose end it hears of a
         # frame late, and none clicks since before a loss.
         before, self._began = self._began, time.monotonic()
-        silence = max(self._began - before, page_input.silence)
-        self._silence = max(silence, self._silence) if imgui.IsAnyMouseDown() else silence
+        silence = max(self._began - before if self._is_down else 0.0, page_input.silence)
+        self._is_down = bool(imgui.IsAnyMouseDown())
+        self._silence = max(silence, self._silence) if self._is_down else silence
         page.is_live, page.is_there = self._silence <= SILENCE, self._silence <= LOSS
         page.widgets.begin()
         page.widgets.scale = 1.0 if page.layout.is_desk else TOUCH_SCALE

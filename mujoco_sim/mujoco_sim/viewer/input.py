@@ -122,7 +122,7 @@ class PageInput:
     @property
     def silence(self) -> float:
         """
-        How long the browser has been silent, now or while a button was down [s].
+        How long the browser has been silent, now or while a button was down [s], or before.
 
         What the pointer holds down, a stick or a push, counts within SILENCE, a click within LOSS.
         """
@@ -198,7 +198,10 @@ class PageInput:
             since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
             shown = self._clicks.show(mouse, since)
-            self._silence = max(self._silence, self._life.age) if shown.buttons else 0.0
+            # What tells of a press proves a click, as it does a key's; what is held it does not.
+            is_press = not before and self._life.age <= GONE
+            age = min(self._life.age, LOSS) if is_press else self._life.age
+            self._silence = max(self._silence, age) if shown.buttons else 0.0
             self._keys.report(down, since)
             self._life.hear()
             self._presence.hear()
