@@ -33,10 +33,12 @@ class GaitRow(NamedTuple):
     `offsets` say how far ahead of FL each foot begins to stand, FL FR RL RR, in shares of the
     period, `period` is that of a trot's, `longer` the share of it that
     a foot stands beyond what the parameters say, `footprint` the length and width between the
-    feet as shares of those between the hips. The command is kept within `limits`, each by itself,
-    and within the ellipsoid `able`, all at once: half axes ahead, sideways [m/s], turning [rad/s],
-    tried by benchmarks/gait_limits.py. It ramps at the share `agility` of a trot's accelerations;
-    steps grow on rough ground by the share `rough`.
+    feet as shares of those between the hips; `slim` says which of the two are a Go2's, for its
+    size, on a longer or wider robot: feet of one end, or one side, that bear it alone tip it over
+    the more, the farther they are from its middle. The command is kept within `limits`, each by
+    itself, and within the ellipsoid `able`, all at once: half axes ahead, sideways [m/s], turning
+    [rad/s], tried by benchmarks/gait_limits.py. It ramps at the share `agility` of a trot's
+    accelerations; steps grow on rough ground by the share `rough`.
     """
 
     offsets: tuple[float, float, float, float]
@@ -45,6 +47,7 @@ class GaitRow(NamedTuple):
     period: float = 1.0
     longer: float = 0.0
     footprint: tuple[float, float] = (1.0, 1.0)
+    slim: tuple[bool, bool] = (False, False)
     agility: float = 1.0
     rough: float = 1.0
 
@@ -60,6 +63,7 @@ GAITS = {
         able=(1.75, 0.7, 1.75),
         period=1.5,
         longer=0.21,
+        slim=(False, True),
     ),
     # left pair and right pair
     'pace': GaitRow(
@@ -68,6 +72,7 @@ GAITS = {
         able=(1.75, 0.52, 1.75),
         period=0.75,
         footprint=(1.0, 0.4),
+        slim=(False, True),
     ),
     # front pair and rear pair
     'bound': GaitRow(
@@ -77,6 +82,7 @@ GAITS = {
         period=0.65,
         longer=0.03,
         footprint=(0.9, 1.0),
+        slim=(True, False),
         agility=0.35,
     ),
     # all at once
@@ -94,6 +100,7 @@ GAITS = {
         able=(2.8, 0.45, 1.35),
         period=0.85,
         footprint=(0.9, 0.5),
+        slim=(True, True),
         agility=0.5,
         # What meets a foot at such a speed feels like a stumble, and high steps make it one.
         rough=0.0,

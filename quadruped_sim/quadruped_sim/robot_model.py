@@ -31,8 +31,8 @@ from quadruped_sim.leg_kinematics import foot_positions, LEFT, leg_motion, LegGe
 GEOMETRY_TOLERANCE = 2e-3
 # Three times the torque of the Go2's knees [N m]: descriptions without a limit say 1000.
 EFFORT_MAX = 107.0
-# From the middle of the Go2 to a foot under its hip, a hair more [m].
-GO2_HIP_DISTANCE = 0.2402
+# From the middle of the Go2 to a foot under its hip, ahead and to the side, a hair more [m].
+GO2_HIPS = np.array((0.1936, 0.1422))
 # A leg whose knee points forward walks ahead as its mirror image walks back.
 FORWARD_KNEES = 0.75
 # Thigh and calf of the Go2 [rad]: unitree_guide's stand, and about what they are in trot.
@@ -174,10 +174,22 @@ class RobotModel:
     @property
     def turning(self) -> float:
         """How fast it may turn, for its size: far from the middle, feet have far to go."""
+        farthest = float(np.linalg.norm(self._out, axis=1).max())
+        return min(1.0, float(np.linalg.norm(GO2_HIPS)) * self.scale.of('m') / farthest)
+
+    @property
+    def slimness(self) -> tuple[float, float]:
+        """Length and width between a Go2's feet, for its size, over its own; each at most 1."""
+        shares = GO2_HIPS * self.scale.of('m') / np.abs(self._out).max(axis=0)
+        length, width = np.minimum(shares, 1.0).tolist()
+        return length, width
+
+    @property
+    def _out(self) -> np.ndarray:
+        """Where feet are under the hips (4, 2), from the middle of the robot [m]."""
         hips = self.geometry.hip[:, :2].copy()
         hips[:, 1] += self.geometry.offset
-        farthest = float(np.linalg.norm(hips - hips.mean(axis=0), axis=1).max())
-        return min(1.0, GO2_HIP_DISTANCE * self.scale.of('m') / farthest)
+        return np.asarray(hips - hips.mean(axis=0))
 
     def risen(self, height: float, R: np.ndarray) -> float:
         """

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from quadruped_sim.presets import GAITS
 from quadruped_sim.tuning import GaitParameters
+from robot_description.packages import share_directory
 import wasd
 
 STEPS, COUNT = 0.1, 8
@@ -58,6 +59,20 @@ def test_a_gait_follows_its_full_stick_and_changes_at_full_speed(limits: str, co
     dog.drive(0.0)
     dog.run(4.0)  # it slows down by 1 m/s^2, from up to 2.5 m/s ahead
     assert np.abs(dog.truth.planar_velocity).max() < 0.02
+
+
+@pytest.mark.slow
+def test_a_wide_robot_walks_at_full_stick() -> None:
+    path = share_directory('example-robot-data') / 'robots/solo_description/robots/solo12.urdf'
+    dog = wasd.Go2(seed=907, gait='walk', description=str(path))
+    dog.press('2')
+    dog.press('5')
+    dog.run(3.0)
+    full = dog.full_stick[0]
+    dog.drive(full)
+    dog.run(2.0)
+    assert speed(dog, 0) == pytest.approx(full, rel=0.1)
+    assert dog.state == 'move base'
 
 
 def test_the_page_says_what_the_rows_say() -> None:

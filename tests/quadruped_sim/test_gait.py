@@ -215,3 +215,18 @@ def test_pushed_hard_it_steps_as_in_a_trot_and_goes_back_when_it_is_calm(name):
     run(gait, 5.0)
     assert gait.state().footprint == GAITS[name].footprint
     assert gait.has_changed
+
+
+def test_feet_that_bear_it_by_side_or_end_are_no_farther_apart_than_a_go2s():
+    found = {}
+    for name, row in GAITS.items():
+        gait = Gait(GaitParameters(name=name), slimness=(0.8, 0.7))
+        found[name] = np.divide(gait.state().footprint, row.footprint).round(9).tolist()
+    assert found == {
+        'trot': [1.0, 1.0],
+        'walk': [1.0, 0.7],
+        'pace': [1.0, 0.7],
+        'bound': [0.8, 1.0],
+        'pronk': [1.0, 1.0],
+        'gallop': [0.8, 0.7],
+    }

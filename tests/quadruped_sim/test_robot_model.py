@@ -281,6 +281,7 @@ def test_motors_are_weighed_against_the_robot(urdf, model):
 
 def test_slow_motors_make_a_slow_robot(urdf, model):
     assert model.agility == model.turning == 1.0
+    assert model.slimness == (1.0, 1.0)
     slow = make_model(urdf.replace('velocity="15.7"', 'velocity="7.85"'))
     assert slow.agility == pytest.approx(0.5)
     assert slow.friction == model.friction == 0.6

@@ -48,9 +48,19 @@ class Gait:
     `step(dt, ...)` advances it.
     """
 
-    def __init__(self, params: GaitParameters, speed: float = 1.0) -> None:
-        """Take a robot whose speeds are those of a Go2 times `speed`."""
+    def __init__(
+        self,
+        params: GaitParameters,
+        speed: float = 1.0,
+        slimness: tuple[float, float] = (1.0, 1.0),
+    ) -> None:
+        """
+        Take a robot whose speeds are those of a Go2 times `speed`.
+
+        `slimness` is a Go2's footprint, length and width, over its own; at most 1.
+        """
         self._pushed = _PUSHED * speed
+        self._slimness = slimness
         self.tune(params)
         self.reset()
 
@@ -131,7 +141,9 @@ class Gait:
         if row is self._reached:
             return
         offsets = np.array(row.offsets)
-        shape = np.array((row.period, row.longer, *row.footprint))
+        slim = [own if slim else 1.0 for own, slim in zip(self._slimness, row.slim, strict=True)]
+        footprint = np.multiply(row.footprint, slim)
+        shape = np.array((row.period, row.longer, *footprint))
         around = (offsets - self._offsets + 0.5) % 1.0 - 0.5
         change = np.concatenate((around, shape - self._shape))
         if np.abs(change).max() <= most:

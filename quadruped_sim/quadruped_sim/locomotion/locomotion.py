@@ -64,7 +64,7 @@ class Locomotion:
         self._turning_radius = _TURNING_RADIUS * scale.of('m')
         self._rest = _REST[0] * scale.of('m/s'), _REST[1] * scale.of('m')
         self._unrest = _UNREST[0] * scale.of('m/s'), _UNREST[1] * scale.of('m')
-        self.gait = Gait(params.gait, scale.of('m/s'))
+        self.gait = Gait(params.gait, scale.of('m/s'), model.slimness)
         self.ground = Ground()
         self.reference = Reference()
         inertia, _ = model.inertia_about_com(model.walking_pose)
