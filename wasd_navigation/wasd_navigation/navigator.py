@@ -16,6 +16,7 @@ from wasd_navigation.odometry import leaps, Odometry
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid, Scan, UNKNOWN
 from wasd_navigation.se2 import compose, inverse, transform
+from wasd_navigation.slopes import Slopes
 from wasd_navigation.traversability import Traversability
 
 # While it searches for a way to unknown space, it checks the map at this period [s].
@@ -91,6 +92,7 @@ class Navigator:
         self._was_placed = False  # since the goal came
         self._awaits_yaw = False  # until it is known where the robot is
         self._seen: tuple[Scan, np.ndarray] | None = None
+        self._slopes = Slopes()
         self._grid: Grid | None = None
         # Of the map that is planned on; of the locator's and of the ground in it.
         self._revision, self._drawn = 0, NOTHING_DRAWN
@@ -169,6 +171,7 @@ class Navigator:
         if before is not None and has_leapt:
             self.locator.take_leap(before.pose, odometry.pose)
             self._seen = None
+            self._slopes.reset()
             self.pilot.pause()
         self._fresh.hear()
         return has_leapt
@@ -177,7 +180,8 @@ class Navigator:
         """Take a scan and the odometry of its instant, which is `age` [s] ago."""
         if not (np.isfinite(odometry.pose).all() and np.isfinite(odometry.covariance).all()):
             return  # locators take no such thing in
-        self.locator.step(scan, odometry.pose, odometry.covariance)
+        firm = self._slopes.leave_out(scan, odometry.pose)
+        self.locator.step(firm, odometry.pose, odometry.covariance)
         self.scans += 1
         self._seen = scan, odometry.pose
         self._sighted.hear(age)
@@ -229,6 +233,7 @@ class Navigator:
         self.pilot.reset()
         self.outcome, self.scans = None, 0
         self._odometry = self._seen = self._grid = None
+        self._slopes.reset()
         self._fresh.reset()
         self._sighted.reset()
 

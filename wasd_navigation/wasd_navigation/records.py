@@ -101,6 +101,7 @@ class Scan:
     hits: np.ndarray
     begins: np.ndarray = None  # type: ignore[assignment]
     added: int = 0  # so many at the end are no rays of the lidar: see `with_hits`
+    heights: np.ndarray | None = None  # of the ends, shape (n,) [m]; None: not known
 
     def __post_init__(self) -> None:
         """Let all rays begin at the origin if nothing else is said."""
@@ -234,10 +235,11 @@ def read_scan(
     begins = np.repeat(origin[None], len(ends), axis=0)
     if moved is not None:
         begins, ends = _carry(moved[tells], begins), _carry(moved[tells], ends)
+    heights = mount.position[2] + lengths * along[:, 2]
     if is_ground is not None:
-        heights = mount.position[2] + lengths * along[:, 2]
         is_floor |= hits & is_ground(begins, np.column_stack((ends, heights)))
-    return Scan(origin, ends[~is_floor], hits[~is_floor], begins[~is_floor])
+    left = ~is_floor
+    return Scan(origin, ends[left], hits[left], begins[left], heights=heights[left])
 
 
 def _carry(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
