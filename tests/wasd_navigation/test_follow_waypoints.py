@@ -251,7 +251,7 @@ def test_between_two_waypoints_other_ones_take_their_place_and_each_has_its_own_
     ('places', 'frame', 'refusal', 'words'),
     [
         ((), 'map', '', 'wanted waypoints from number 0 on, got 0'),
-        ((1.0,), 'moon', '', "wanted a pose in 'map', got 'moon'"),
+        ((1.0,), 'moon', '', "wanted a pose in 'map' or 'odom', got 'moon'"),
         ((1.0,), 'map', 'press 2, then 5', 'press 2, then 5'),
     ],
 )

@@ -103,7 +103,7 @@ def test_the_next_goal_takes_the_place_of_the_first(client):
     ('frame', 'refusal', 'words'),
     [
         ('map', 'press 2, then 5', 'refused: press 2, then 5'),
-        ('moon', '', "refused: wanted a pose in 'map', got 'moon'"),
+        ('moon', '', "refused: wanted a pose in 'map' or 'odom', got 'moon'"),
     ],
 )
 def test_what_cannot_be_driven_to_is_aborted_with_the_reason(client, frame, refusal, words):

@@ -2,12 +2,15 @@
 """The navigator on ROS: scan, odom and goal_pose in; map, map -> odom, plan and cmd_vel out."""
 
 import functools
+import math
 import sys
+import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import LaserScan
@@ -18,8 +21,10 @@ from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.services import offer
 from wasd_core.streams import visible
+from wasd_core.timing import SHORTEST_ABSENCE
 from wasd_core.topics import (
     AbsenceWatch,
+    BEAT_PERIOD,
     LATCHED,
     PublisherWatch,
     RELIABLE,
@@ -124,6 +129,9 @@ class NavigatorNode(Node):
         if tf is not None:
             self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
         self.create_timer(1.0 / self.settings.control_frequency, self.step)
+        self._ticked = math.nan, 0.0  # the node's time, and since when by the wall's [s]
+        wall = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(BEAT_PERIOD, lambda: self._look_at_time(time.monotonic()), clock=wall)
 
     def step(self) -> None:
         """Let the navigator step to the time of the node's clock, and publish what has changed."""
@@ -131,6 +139,15 @@ class NavigatorNode(Node):
         dt = self.navigation.step(now)
         if dt is not None:
             self.publish(now, dt)
+
+    def _look_at_time(self, wall: float) -> None:
+        """Stop once where time stands still, as in a simulator that is paused."""
+        now, (before, since) = 1e-9 * self.get_clock().now().nanoseconds, self._ticked
+        if now != before:
+            self._ticked = now, wall
+        elif wall - since > SHORTEST_ABSENCE:
+            self._ticked = now, math.inf  # a goal that comes meanwhile waits for time to go on
+            self.navigation.stop('time stands still: is the simulator paused?')
 
     def publish(self, now: float, dt: float) -> None:
         """Publish what has changed up to a time [s], `dt` [s] after the last call."""
@@ -197,7 +214,8 @@ class NavigatorNode(Node):
         # Last: no robot's frame is the map's, whatever it is called.
         known[''] = known[self.settings.map_frame.lstrip('/')] = np.zeros(3)
         if frame not in known:
-            raise InvalidMessage(f'wanted a pose in {self.settings.map_frame!r}, got {frame!r}')
+            names = ' or '.join(map(repr, filter(None, reversed(known))))
+            raise InvalidMessage(f'wanted a pose in {names}, got {frame!r}')
         return np.asarray(compose(known[frame], goal))
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
