@@ -103,11 +103,12 @@ def still():
 def test_a_program_drives_until_a_key_takes_over_or_an_e_stop_ends_it(run):
     run.call(STAND_UP)
     run.run(2.0)
+    assert run.robot.drivers.state.driver == ''
     run.move(1.5)
     assert run.speed > 0.2
     state = run.robot.drivers.state
     assert (state.driver, state.right) == ('unitree', 'program')
-    assert state.since == pytest.approx(0.0, abs=0.01)
+    assert state.since == pytest.approx(2.0, abs=0.01)
     run.session.press('2')
     run.run(3.0)
     assert run.robot.state == 'fixed stand'
