@@ -32,8 +32,8 @@ UNUSED = frozenset(
     + ('position_feedback', 'wheels_per_side', 'tf_frame_prefix', 'tf_frame_prefix_enable')
     + ('type',)
 )
-# What ROS 1 calls its own, in a file without `ros__parameters`.
-ROS_1_TYPE = 'diff_drive_controller/DiffDriveController'
+# What ROS 1 names beside the parameters, and ROS 2 among those of its controller manager.
+CONTROLLER_TYPE = 'diff_drive_controller/DiffDriveController'
 # What arbotix does when its file leaves a parameter out and ours differs.
 ARBOTIX_DEFAULTS = {'cmd_vel_timeout': 1.0}
 NODE_NAME = 'diff_drive_controller'
@@ -75,11 +75,14 @@ def _read(root: yaml.MappingNode) -> ControllerFile:
         name, entries = _arbotix(root, top)
     else:
         name, entries = entries_of(root, KIND)
+    written = dict(flat(root))
     for key, entry in entries.items():
-        owner, _, last = key.rpartition('.')
-        if owner and last == 'type' and entry.value == ROS_1_TYPE:
+        above, _, last = key.rpartition('.')
+        # In the file by the very same name: nothing there is in `ros__parameters`.
+        if above and last == 'type' and entry.value == CONTROLLER_TYPE and key in written:
+            owner = above.rpartition('.')[2]
             raise InvalidParameter(
-                f':{entry.line}: {owner} has the parameters of ROS 1: wanted those of ROS 2, '
+                f':{entry.line}: {owner} is of ROS 1, or lacks ros__parameters: wanted '
                 f'{owner}: {{ros__parameters: {{left_wheel_names: [JOINT], ...}}}}'
             )
     entries = _without_switched_off(entries)

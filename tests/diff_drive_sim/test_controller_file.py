@@ -197,9 +197,13 @@ def test_a_plain_table_has_the_names_of_here(read):
             'got base_controller (servo_controller)',
         ),
         (
-            'base:\n  type: "diff_drive_controller/DiffDriveController"\n  left_wheel: l',
-            'drive.yaml:2: base has the parameters of ROS 1: wanted those of ROS 2, '
+            'robot:\n base:\n  type: "diff_drive_controller/DiffDriveController"\n  left_wheel: l',
+            'drive.yaml:3: base is of ROS 1, or lacks ros__parameters: wanted '
             'base: {ros__parameters: {left_wheel_names: [JOINT], ...}}',
+        ),
+        (
+            '/**:\n ros__parameters:\n  base: {type: diff_drive_controller/DiffDriveController}',
+            "drive.yaml:3: unknown parameter 'base.type'",
         ),
         ('controllers: 5', 'drive.yaml:1: controllers must name at least one controller'),
         (
