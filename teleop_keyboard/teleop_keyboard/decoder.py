@@ -321,6 +321,8 @@ def _modified(key: str | None, modifiers: int) -> str | None:
     if key is None or not 1 <= modifiers <= 256:
         return None
     bits = modifiers - 1
+    if bits & 7 == 1 and len(key) == 1:  # of the number pad, where it only picks the character
+        return key
     return with_modifiers(key, ctrl=bool(bits & 4), alt=bool(bits & 2), shift=bool(bits & 1))
 
 

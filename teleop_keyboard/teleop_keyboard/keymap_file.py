@@ -260,11 +260,13 @@ class _KeymapReader:
         if key in SIGNAL_KEYS:
             self._fail(node, text, 'ends or suspends the program, and never arrives as a key')
         if split_event(key)[0]:
-            self._fail(node, text, 'tells more of a key than its press: name the key alone')
+            self._fail(node, text, 'is no press: name the key alone')
         base = key.removeprefix('SHIFT+')
         if base != key and len(ALIASES.get(base, base)) == 1:
-            wanted = f'name the character that it types, as {capital(base)}'
-            self._fail(node, text, f'never arrives: Shift is not named here, {wanted}')
+            typed = capital(base)
+            # Which character Shift makes of a digit only the keyboard knows.
+            example = f', as {typed}' if typed != base.lower() else ''
+            self._fail(node, text, f'never arrives: name the character that it types{example}')
         return key
 
     def _direction(self, node: yaml.Node, key: str) -> Direction:

@@ -38,6 +38,8 @@ SEQUENCES = [
     (b'\x1b[1;2P', 'SHIFT+F1'),
     (b'\x1b[Z', 'SHIFT+TAB'),
     (b'\x1bOp', '0'),
+    (b'\x1bO2p', '0'),
+    (b'\x1bO5p', 'CTRL+0'),
     (b'\x1bOM', 'ENTER'),
     (b'\x1bx', 'ALT+x'),
     (b'\x1bX', 'ALT+X'),
