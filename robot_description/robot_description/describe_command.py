@@ -168,8 +168,8 @@ def _fix(options: argparse.Namespace) -> int:
         errors += lost
         for one in lost[:1]:
             print(
-                f'left: it does not load there: write it beside {options.path}, or name a folder, '
-                f'which gets the whole package: {one.line()}',
+                f'left: what lies beside {options.path} is missing there: write to a file beside '
+                f'it, or to a folder, which gets the whole package: {one.line()}',
                 file=sys.stderr,
             )
     return int(bool(errors))

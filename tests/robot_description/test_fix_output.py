@@ -27,7 +27,7 @@ def test_a_file_gets_the_mended_text(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_file_that_does_not_load_where_it_is_written_is_told(tmp_path, capsys):
+def test_a_file_that_misses_others_where_it_is_written_is_told(tmp_path, capsys):
     (tmp_path / 'parts.xacro').write_text('<robot><link name="base"/></robot>')
     text = (FIXTURES / 'lint/repeated-material.urdf').read_text()
     include = '<xacro:include filename="parts.xacro" xmlns:xacro="http://ros.org/wiki/xacro"/>'
@@ -36,10 +36,10 @@ def test_a_file_that_does_not_load_where_it_is_written_is_told(tmp_path, capsys)
     (elsewhere := tmp_path / 'elsewhere').mkdir()
     beside, away = tmp_path / 'mended.xacro', elsewhere / 'mended.xacro'
     main(['fix', str(path), '--output', str(beside)])
-    assert 'does not load there' not in capsys.readouterr().err
+    assert 'is missing there' not in capsys.readouterr().err
     assert main(['fix', str(path), '--output', str(away)]) == 1
     said = capsys.readouterr().err
-    assert f'left: it does not load there: write it beside {path}, or name a folder' in said
+    assert f'left: what lies beside {path} is missing there: write to a file beside it' in said
     assert said.count('no such file') == 1
 
 
