@@ -257,16 +257,19 @@ def test_key_2_ends_a_trot_before_the_legs_stiffen(model, run):
 
 
 @pytest.mark.slow
-def test_free_stand_leans_and_returns(controller, run):
+def test_free_stand_rises_to_the_stand_leans_and_returns(controller, run):
     run(controller, 2)
     for key in '23':
         controller.press(key)
-        run(controller, 3)
-    upright = run(controller, 1).position
+        low = run(controller, 3).position
+    geometry = controller.model.geometry
+    upright = run(controller, 500).position
+    heights = [-foot_positions(geometry, each)[:, 2] for each in (low, upright, STAND_ANGLES)]
+    np.testing.assert_allclose(heights[1], heights[2], atol=1e-6)
+    assert (heights[0] < heights[1] - 0.03).all()
     for _ in range(20):
         controller.press('i')
     lifted = run(controller, 500).position
-    geometry = controller.model.geometry
     rise = foot_positions(geometry, upright)[:, 2] - foot_positions(geometry, lifted)[:, 2]
     np.testing.assert_allclose(rise, 0.04, atol=1e-6)
     controller.press(' ')

@@ -362,11 +362,14 @@ class FreeStand(OnFeet):
     """
 
     def _begin_from(self, robot: RobotState) -> None:
-        """Keep the feet as they stand, seen from the base."""
-        self._angles = robot.joint_position.copy()
-        self._feet = foot_positions(self._parts.model.geometry, self._angles)
+        """Keep the feet as they stand; one that has not risen to the stand yet goes on rising."""
+        model, self._angles = self._parts.model, robot.joint_position.copy()
+        self._feet = foot_positions(model.geometry, self._angles)
         self._calves = _calf_rotations(self._angles)
-        self._now = np.zeros(4)
+        stand = foot_positions(model.geometry, model.standing_pose)
+        missing = float((self._feet - stand)[:, 2].mean())
+        self._feet[:, 2] -= missing
+        self._now = np.array((0.0, 0.0, 0.0, -missing))
 
     def _act(self, robot: RobotState, dt: float) -> JointCommand:
         """Joint angles for the present lean."""
