@@ -39,7 +39,7 @@ JUMPED = (
 )
 # That is said again only after this [s].
 JUMPS_SAID = 5.0
-# Between two commands of keys, scripts, the page and the navigator [s].
+# Between two commands of a script, the page's stick and the navigator [s]; keys are faster.
 COMMAND_PERIOD = 0.05
 
 
@@ -274,8 +274,8 @@ class DiffDrive:
         timeout = parameters.cmd_vel_timeout
         if 0.0 < timeout < COMMAND_PERIOD:
             notes += (
-                f'cmd_vel_timeout is {timeout:g} s, but keys, scripts and goals command every '
-                f'{COMMAND_PERIOD:g} s: it brakes in between; usual is 0.5',
+                f'cmd_vel_timeout is {timeout:g} s, but scripts, the stick and goals command '
+                f'every {COMMAND_PERIOD:g} s: the robot brakes in between; usual is 0.5',
             )
         self.notes = (*notes, *self._weaknesses(parameters, geometry))
         self._jumped = Watchdog(JUMPS_SAID)

@@ -175,8 +175,8 @@ def test_a_weak_motor_is_told_with_its_torque_and_the_ramp_keeps_to_it():
 def test_a_time_out_shorter_than_the_time_between_commands_is_told(mbot, timeout, is_told):
     notes = DiffDrive(mbot, DiffDriveParameters(cmd_vel_timeout=timeout)).notes
     line = (
-        f'cmd_vel_timeout is {timeout:g} s, but keys, scripts and goals command every 0.05 s: '
-        'it brakes in between; usual is 0.5'
+        f'cmd_vel_timeout is {timeout:g} s, but scripts, the stick and goals command '
+        'every 0.05 s: the robot brakes in between; usual is 0.5'
     )
     assert notes == (line,) * is_told
 
