@@ -140,9 +140,9 @@ RULES = {
              'the centre of mass of a wheel is not on its axle: it rocks instead of rolling',
              'move `<origin>` of its `<inertial>` to the middle of the wheel'),
         Rule('blocked-wheel', WARNING,
-             'a link, of an arm, say, overlaps a driven wheel where the joints rest: simulators '
-             'brake that wheel (wasd lets the two overlap)',
-             'let its joint rest elsewhere: by limits without 0, or by another `<origin>`'),
+             'a link, of an arm, say, overlaps a driven wheel where the joints rest: it brakes it '
+             'where links of one robot touch (in wasd with `self_collide` alone)',
+             'let its joint rest elsewhere: by limits that leave out 0, or by another `<origin>`'),
         Rule('bad-sensor', WARNING,
              'a lidar or camera is left out, or has its limits exchanged: the robot loads',
              'follow the message'),
