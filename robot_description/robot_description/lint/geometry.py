@@ -136,8 +136,9 @@ def check_wheel_room(model: Model, robot: Robot) -> Iterator[Finding]:
     except DescriptionError:  # which other findings tell
         return
     for (one, other), depth in deepest.items():
-        if (one in wheels) != (other in wheels):
-            wheel, link = (one, other) if one in wheels else (other, one)
+        turns, also_turns = (robot.carriers[name] in wheels for name in (one, other))
+        if turns != also_turns:
+            wheel, link = (one, other) if turns else (other, one)
             text = f'{link!r} lies {1e3 * depth:.3g} mm deep in the wheel {wheel!r}'
             yield finding('blocked-wheel', model.links[link].place, text)
 
