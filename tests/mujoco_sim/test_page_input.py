@@ -243,6 +243,15 @@ def test_a_click_of_a_slow_page_counts_and_one_while_it_was_lost_does_not_and_no
     assert page.silence == 0.0
 
 
+def test_a_press_from_before_a_pause_that_no_frame_has_seen_does_not_count(page, clock):
+    see(page, 0)
+    clock.now += 0.1
+    page.hear('tab', NONE, Mouse(1))
+    clock.now += LOSS + 0.01
+    see(page, 1)
+    assert page.silence > LOSS
+
+
 def test_a_click_of_a_page_that_comes_with_its_button_down_does_not_count(page):
     see(page, 0)
     page.lose('tab')

@@ -107,7 +107,7 @@ class PageInput:
         self._pictures: deque[float] = deque(maxlen=_MOST_PICTURES)
         self._undrawn = False
         self._clicks = Clicks()
-        self._place = (0, 0)
+        self._mouse = IDLE  # as it was told last
         self.turns = Turns(clock)
         self._silence = 0.0  # the longest that a button is down since before [s]
         self.has_clicked = False  # until a frame of panels was begun for it
@@ -199,7 +199,7 @@ class PageInput:
             before = self._clicks.shown.buttons
             shown = self._clicks.show(mouse, since)
             # What tells of a press proves a click, as it does a key's; what is held it does not.
-            is_press = not before and self._life.age <= GONE
+            is_press = not before and not self._mouse.buttons and self._life.age <= GONE
             age = min(self._life.age, LOSS) if is_press else self._life.age
             self._silence = max(self._silence, age) if shown.buttons else 0.0
             self._keys.report(down, since)
@@ -207,9 +207,9 @@ class PageInput:
             self._presence.hear()
             self._pictures.append(now)
             self.has_clicked |= shown.buttons != before
-            if down or mouse.buttons or mouse.place != self._place:
+            if down or mouse.buttons or mouse.place != self._mouse.place:
                 self.turns.touch()
-            self._place = mouse.place
+            self._mouse = mouse
             self._undrawn = True
             # Each needless wake-up would cost the simulation a change of threads.
             if self.has_clicked or not self._is_resting:
