@@ -108,6 +108,25 @@ def test_a_demo_that_is_cut_short_tells_of_the_stops_before_and_draws_no_part(
     assert capsys.readouterr().err == ''
 
 
+def test_a_demo_that_is_cut_short_while_it_draws_leaves_the_picture_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from wasd_bringup.cli import demo
+
+    def draw_half(world: Any, viewpoint: Any, path: Path, traces: Any) -> None:
+        path.write_bytes(b'half')
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(demo, 'TOUR', (demo.TOUR[0]._replace(duration=0.1),))
+    monkeypatch.setattr(demo, 'choose_renderer', lambda: True)
+    monkeypatch.setattr(demo, 'take_picture', draw_half)
+    picture = tmp_path / f'{demo.TOUR[0].name}.png'
+    picture.write_bytes(b'whole')
+    with pytest.raises(KeyboardInterrupt):
+        demo.demo_command(str(tmp_path))
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b'whole']
+
+
 def test_its_help_has_three_examples(capsys: pytest.CaptureFixture[str]) -> None:
     text = said(['--help'], capsys)
     assert len(re.findall(r'^  wasd \w+', text.partition('examples:')[2], re.MULTILINE)) == 3

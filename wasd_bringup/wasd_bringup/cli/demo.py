@@ -5,6 +5,7 @@ from collections import deque
 import json
 import math
 from pathlib import Path
+import tempfile
 from typing import Any, NamedTuple
 
 from mujoco_sim.pictures import take_film, take_picture, take_strip, Trace, Viewpoint
@@ -169,10 +170,11 @@ def demo_command(output: str, only: str = '') -> int:
     with StopSignals() as signals:
         for stop in tour:
             print(f'{stop.title} ...', flush=True)
-            try:
-                result = _visit(stop, folder, pictures, signals)
-            except OSError as error:  # of a picture
-                raise UserError(f'--output {output}: {one_line(error)}') from None
+            # A signal may end us while we draw: what is there stays until all is drawn.
+            with tempfile.TemporaryDirectory() as drawn:
+                result = _visit(stop, Path(drawn), pictures, signals)
+                for path in Path(drawn).iterdir():
+                    OutputFile(folder / path.name, '--output').write(path.read_bytes())
             if result is None:
                 break
             results.append(result)
