@@ -216,6 +216,17 @@ def test_gears_around_an_axle_are_neither_wheels_nor_the_rollers_of_an_omni_whee
         find_wheels(robot(wheel('ring', 0.0, radius=0.05), *small))
 
 
+@for_all('step', [1, -1])
+def test_rollers_count_on_a_hub_that_a_shaft_turns_in_any_order_of_the_file(step):
+    hub = wheel('hub', 0.0, radius=0.05).replace('link="base"', 'link="shaft"')
+    small = [
+        wheel(f'{n}', 0.01 * n, 0.04, radius=0.01).replace('link="base"', 'link="hub"')
+        for n in range(4)
+    ]
+    with pytest.raises(DiffDriveError, match='shaft_joint has 4 rollers'):
+        find_wheels(robot(*[wheel('shaft', 0.0, radius=0.02), hub, *small][::step]))
+
+
 def test_of_four_alike_the_names_choose():
     four = [wheel(f'{end}{side}', y, x) for end, x in (('f', 0.1), ('b', -0.1))
             for side, y in (('l', 0.2), ('r', -0.2))]  # fmt: skip

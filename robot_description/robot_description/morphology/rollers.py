@@ -75,7 +75,8 @@ def find_rollers(robot: Robot) -> list[Roller]:
     wheels = {roller.joint.name: roller for roller in every}
     beads: dict[str, list[np.ndarray]] = {name: [] for name in wheels}
     for roller in every:
-        carrier = next((wheels[each.name] for each in roller.above if each.name in wheels), None)
+        outer = reversed(roller.above)  # the shaft, where it turns a hub: that is itself no wheel
+        carrier = next((wheels[each.name] for each in outer if each.name in wheels), None)
         if carrier is not None:
             off = np.cross(carrier.axis, roller.position - carrier.position)
             if float(np.linalg.norm(off)) > roller.radius:  # else a gear around its axle
