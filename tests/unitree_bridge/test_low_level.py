@@ -162,8 +162,9 @@ def damp_by_remote(rig):
     rig.wire.come['rt/wirelesscontroller'].append(Remote(down=frozenset({'L2', 'B'})).message())
 
 
+@pytest.mark.parametrize('pause', [0.0, 0.3])
 @pytest.mark.parametrize('damp', [damp_by_call, damp_by_remote])
-def test_damp_lets_go_of_motors_that_a_program_goes_on_commanding(rig, damp):
+def test_damp_lets_go_of_motors_that_a_program_goes_on_commanding(rig, damp, pause):
     def command(seconds):
         for _ in range(round(seconds / DT)):
             rig.command(low_cmd(tau=1.0))
@@ -171,6 +172,7 @@ def test_damp_lets_go_of_motors_that_a_program_goes_on_commanding(rig, damp):
         return rig.go2.bridge.in_force
 
     assert command(0.02) is not None
+    rig.run(pause)
     damp(rig)
     assert command(0.1) is None
     assert rig.said[-1] == 'LowCmd ignored: the robot was stopped (end the program)'
@@ -345,6 +347,15 @@ def test_a_program_that_has_gone_is_waited_for_once():
     rig, _ = synced(lambda tick: [tick] if tick < 100 else [], ticks=200)
     assert rig.wire.waits == 50 + 100  # of a hundredth of a second
     assert 'no LowCmd for 1 s: time no longer waits for it' in rig.said
+
+
+def test_in_sync_time_does_not_wait_for_a_program_that_damp_ignores():
+    rig, _ = synced(lambda tick: [tick], ticks=10)
+    waits = rig.wire.waits
+    damp_by_call(rig)
+    rig.run(0.1)
+    assert rig.wire.waits == waits
+    assert rig.said[-1] == 'LowCmd ignored: the robot was stopped (end the program)'
 
 
 @pytest.mark.slow

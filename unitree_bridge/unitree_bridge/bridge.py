@@ -110,6 +110,7 @@ class Bridge:
             self._held_at, self._held, self._is_answered = now, 0.0, False
             self._tell(now)
         self.serve()
+        self._answers &= self.low.is_live
         self._has_begun |= self._robot.coming_state != StateName.PASSIVE
         if self._is_answered or (self._has_begun and not self._answers):
             return True
@@ -128,7 +129,6 @@ class Bridge:
             self._robot.let_go()
         self.motion.step(dt)
         self._in_force = self.low.step(dt)
-        self._answers &= self.low.is_live
 
     @property
     def in_force(self) -> JointCommand | None:

@@ -82,14 +82,15 @@ class LowLevel:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._heard = Watchdog(SILENCE)
-        self._ignored = Watchdog(SILENCE_AFTER_A_STOP)
+        self._asks = Watchdog(SILENCE_AFTER_A_STOP)  # for the motors, whether that counts or not
         self.reset()
 
     def reset(self) -> None:
         """Leave the motors to our controller."""
         self.is_released = False
         self.refused = 0
-        self._ignored.reset()
+        self._is_ignored = False
+        self._asks.reset()
         self.stop()
 
     @property
@@ -119,8 +120,7 @@ class LowLevel:
 
     def damp(self) -> None:
         """Stop, and ignore a program that commands now until it has been silent."""
-        if self.is_live:
-            self._ignored.hear()
+        self._is_ignored = self._asks.is_alive
         self.stop()
 
     def take(self, raw: bytes, admit: Callable[[], bool]) -> bool:
@@ -131,10 +131,8 @@ class LowLevel:
             self.refused += 1
             self._complain(f'LowCmd ignored: {error}')
             return False
-        is_ignored = self._ignored.is_alive
-        if is_ignored:
-            self._ignored.hear()
-        if is_ignored or not admit():
+        self._asks.hear()
+        if self._is_ignored or not admit():
             self.refused += 1
             self._complain('LowCmd ignored: the robot was stopped (end the program)')
             return False
@@ -147,7 +145,8 @@ class LowLevel:
         """Let `dt` [s] pass; return the command in force, None where our controller's is."""
         was_live = self.is_live
         self._heard.step(dt)
-        self._ignored.step(dt)
+        self._asks.step(dt)
+        self._is_ignored &= self._asks.is_alive
         if was_live and not self.is_live:
             self._say(f'no LowCmd for {SILENCE:g} s: the motors damp')
             self.stop()
