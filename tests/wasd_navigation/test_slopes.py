@@ -8,8 +8,8 @@ from navigation_stand_ins import navigator, odometry, scan
 import numpy as np
 import pytest
 from wasd_core.rotations import Pose, rpy_matrix
-from wasd_navigation.records import read_scan
-from wasd_navigation.slopes import Slopes
+from wasd_navigation.records import read_scan, Scan
+from wasd_navigation.slopes import COMPARED, Slopes
 
 ANGLES = np.linspace(-0.4, 0.4, 47)
 SWAY = (0.0, 0.01, -0.01, 0.0, 0.01, -0.01)  # of a trunk in a trot [rad]
@@ -53,6 +53,17 @@ def test_a_wall_stays_a_hit_however_the_lidar_sways_and_moves() -> None:
     for index, pitch in enumerate(5 * SWAY):
         hits = seen(slopes, math.radians(90), 3.0 * pitch, at=0.05 * index)
         assert np.mean(hits) > 0.95
+
+
+def test_the_edge_of_a_table_before_a_wall_stays_a_hit() -> None:
+    slopes, everywhere = Slopes(), []
+    for pitch in 0.03 * np.sin(np.arange(40.0)):
+        heights = np.full(len(ANGLES), 0.4 - 3.0 * pitch)  # the top is 0.4 m high, 3 m ahead
+        ways = np.where(heights < 0.4, 3.0, 6.0)[:, None]
+        ends = ways * np.stack((np.cos(ANGLES), np.sin(ANGLES)), 1)
+        rays = Scan(np.zeros(2), ends, np.ones(len(ends), bool), heights=heights)
+        everywhere.append(slopes.leave_out(rays, np.zeros(3)).hits)
+    assert np.mean(everywhere[COMPARED:]) > 0.95
 
 
 def test_a_lidar_that_does_not_sway_leaves_all_hits_where_they_are() -> None:
