@@ -276,6 +276,21 @@ def test_free_stand_rises_to_the_stand_leans_and_returns(controller, run):
     np.testing.assert_allclose(run(controller, 1000).position, upright, atol=1e-4)
 
 
+@pytest.mark.slow
+def test_free_stand_leans_with_all_feet_on_the_ground_however_high(controller, run):
+    run(controller, 2)
+    for key in '23':
+        controller.press(key)
+        run(controller, 3)
+    for _ in range(20):
+        controller.press('i')
+        controller.press('w')
+    feet = foot_positions(controller.model.geometry, run(controller, 1000).position)
+    heights = (feet @ rpy_matrix(0.0, np.radians(15.0), 0.0).T)[:, 2]
+    np.testing.assert_allclose(heights, heights[0], atol=1e-3)
+    assert heights[0] < -0.3
+
+
 def test_a_failing_solver_is_survived_then_counted_against_it(controller, run, monkeypatch):
     run(controller, 2)
     for key in '20':
