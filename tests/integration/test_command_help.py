@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the `wasd` command says of itself before anything runs."""
 
+import errno
 import itertools
 import json
+import os
 from pathlib import Path
 import re
 import signal
@@ -125,6 +127,21 @@ def test_a_demo_that_is_cut_short_while_it_draws_leaves_the_picture_that_was_the
     with pytest.raises(KeyboardInterrupt):
         demo.demo_command(str(tmp_path))
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [b'whole']
+
+
+def test_a_demo_without_room_to_draw_says_so_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from wasd_bringup.cli import demo
+
+    def draw(world: Any, viewpoint: Any, path: Path, traces: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(demo, 'TOUR', (demo.TOUR[0]._replace(duration=0.1),))
+    monkeypatch.setattr(demo, 'choose_renderer', lambda: True)
+    monkeypatch.setattr(demo, 'take_picture', draw)
+    with pytest.raises(UserError, match=f'{demo.TOUR[0].name}: no picture: No space left'):
+        demo.demo_command(str(tmp_path))
 
 
 def test_its_help_has_three_examples(capsys: pytest.CaptureFixture[str]) -> None:

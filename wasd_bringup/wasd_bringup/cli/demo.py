@@ -171,10 +171,13 @@ def demo_command(output: str, only: str = '') -> int:
         for stop in tour:
             print(f'{stop.title} ...', flush=True)
             # A signal may end us while we draw: what is there stays until all is drawn.
-            with tempfile.TemporaryDirectory() as drawn:
-                result = _visit(stop, Path(drawn), pictures, signals)
-                for path in Path(drawn).iterdir():
-                    OutputFile(folder / path.name, '--output').write(path.read_bytes())
+            try:
+                with tempfile.TemporaryDirectory() as drawn:
+                    result = _visit(stop, Path(drawn), pictures, signals)
+                    for path in Path(drawn).iterdir():
+                        OutputFile(folder / path.name, '--output').write(path.read_bytes())
+            except OSError as error:
+                raise UserError(f'{stop.name}: no picture: {one_line(error)}') from None
             if result is None:
                 break
             results.append(result)
