@@ -26,9 +26,10 @@ from robot_description.morphology.quadruped import scale_of
 from robot_description.mujoco.builder import lowest_geom_point
 from robot_description.robot import Joint
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.run.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
+from wasd_bringup.run.inputs import parse_push, parse_twist_script, Player, TwistPlayer
 from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD, TrunkWatch
 from wasd_core.rotations import yaw_of
+from wasd_core.timing import TWIST_RATE
 
 CONTROL = 0.002  # period of the leg controller [s]
 DRIVEN = ('trotting', 'move base')

@@ -14,7 +14,7 @@ import numpy as np
 from robot_description.morphology.equip_wheels import Strength, strength
 from robot_description.robot import Robot
 from wasd_core.robot_io import BaseOdometry, JointCommand
-from wasd_core.timing import Watchdog
+from wasd_core.timing import TWIST_RATE, Watchdog
 
 from diff_drive_sim.arbotix import ArbotixDrive, LegacyController, setpoints_of
 from diff_drive_sim.limits import PlanarRamp, Velocity
@@ -39,8 +39,6 @@ JUMPED = (
 )
 # That is said again only after this [s].
 JUMPS_SAID = 5.0
-# Between two commands of a script, the page's stick and the navigator [s]; keys are faster.
-COMMAND_PERIOD = 0.05
 
 
 def gains_of(parameters: DiffDriveParameters) -> Gains:
@@ -272,10 +270,10 @@ class DiffDrive:
         self._weakest = pair.weakest.joint
         self._slower = min(pair.wheels, key=lambda wheel: wheel.joint.velocity or math.inf).joint
         timeout = parameters.cmd_vel_timeout
-        if 0.0 < timeout < COMMAND_PERIOD:
+        if 0.0 < timeout < 1.0 / TWIST_RATE:
             notes += (
                 f'cmd_vel_timeout is {timeout:g} s, but scripts, the stick and goals command '
-                f'every {COMMAND_PERIOD:g} s: the robot brakes in between; usual is 0.5',
+                f'every {1.0 / TWIST_RATE:g} s: the robot brakes in between; usual is 0.5',
             )
         self.notes = (*notes, *self._weaknesses(parameters, geometry))
         self._jumped = Watchdog(JUMPS_SAID)

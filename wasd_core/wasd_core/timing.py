@@ -14,6 +14,8 @@ STOP_KEY = 'STOP'
 HELD_PERIOD = 0.1
 # Repeats of a key that is held, as keyboards send them [Hz].
 REPEAT_RATE = 30.0
+# Scripts, the page's stick and the navigator repeat their velocities at this rate [Hz].
+TWIST_RATE = 20.0
 
 # Names for characters that a file format cannot hold as themselves.
 ALIASES = {'SPACE': ' '}

@@ -25,12 +25,12 @@ from wasd_cockpit.link import (
 )
 from wasd_core.errors import UserError
 from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.timing import HELD, RELEASE, split_event
+from wasd_core.timing import HELD, RELEASE, split_event, TWIST_RATE
 
 from wasd_bringup.page.restart import choices_of, page_port, restart_words
 from wasd_bringup.page.robot_view import RobotView
 from wasd_bringup.robots import load_class
-from wasd_bringup.run.inputs import E_STOP_KEY, END_E_STOP_KEY, RESET_KEY, TWIST_RATE
+from wasd_bringup.run.inputs import E_STOP_KEY, END_E_STOP_KEY, RESET_KEY
 from wasd_bringup.run.report import SAMPLE_PERIOD
 from wasd_bringup.run.robot import Robot, Velocity
 from wasd_bringup.run.run import Run

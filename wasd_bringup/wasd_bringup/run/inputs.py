@@ -11,8 +11,6 @@ from mujoco_sim.parameters import BoxSize
 from teleop_keyboard.dashboard import HELP_KEY
 from wasd_core.errors import UserError
 
-# Scripted velocity commands are repeated at this rate [Hz], as a navigation stack sends them.
-TWIST_RATE = 20.0
 # Simulated times [s] are compared with this slack: a sum of steps is not exact.
 SLACK = 1e-9
 

@@ -11,6 +11,7 @@ import numpy as np
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
 from wasd_core.parameters import known_parameters, numeric_ends
+from wasd_core.timing import TWIST_RATE
 from wasd_navigation.exploring import Explorer
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
@@ -20,7 +21,6 @@ from wasd_navigation.waypoints import Waypoints
 
 from wasd_bringup.run.go2 import Go2
 from wasd_bringup.run.ground import Ground
-from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.robot import Robot
 from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, margin_of, size_of
 

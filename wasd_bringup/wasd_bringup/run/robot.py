@@ -24,11 +24,11 @@ from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_cockpit.link import Choice
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
-from wasd_core.timing import HELD, Notice, split_event, STOP_KEY
+from wasd_core.timing import HELD, Notice, split_event, STOP_KEY, TWIST_RATE
 
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST, SILENCE
-from wasd_bringup.run.inputs import E_STOP_KEY, Player, TWIST_RATE, TwistPlayer
+from wasd_bringup.run.inputs import E_STOP_KEY, Player, TwistPlayer
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD
 

@@ -14,7 +14,7 @@ from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
-from wasd_core.timing import HELD, RELEASE, split_event
+from wasd_core.timing import HELD, RELEASE, split_event, TWIST_RATE
 
 from wasd_bringup.run.drivers import Driver, E_STOP, LOST, SCRIPTS
 from wasd_bringup.run.face import Face
@@ -28,7 +28,6 @@ from wasd_bringup.run.inputs import (
     RESET_KEY,
     SWITCH_KEY,
     SWITCH_LINE,
-    TWIST_RATE,
 )
 from wasd_bringup.run.options import AFTERGLOW, RunOptions
 from wasd_bringup.run.report import join_reports, to_json

@@ -21,11 +21,11 @@ from wasd_core.errors import UserError
 from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.signals import StopSignals
 from wasd_core.streams import offer
+from wasd_core.timing import TWIST_RATE
 import yaml
 
 from wasd_bringup.cli.options import read_folders
 from wasd_bringup.robots import MBOT
-from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 
