@@ -140,8 +140,8 @@ RULES = {
              'the centre of mass of a wheel is not on its axle: it rocks instead of rolling',
              'move `<origin>` of its `<inertial>` to the middle of the wheel'),
         Rule('blocked-wheel', WARNING,
-             'a link, of an arm, say, overlaps a driven wheel where the joints rest: it brakes it '
-             'where links of one robot touch (in wasd with `self_collide` alone)',
+             'a link, such as one of an arm, overlaps a driven wheel where the joints rest, and '
+             'brakes it if links of one robot touch each other (in wasd only with `self_collide`)',
              'let its joint rest elsewhere: by limits that leave out 0, or by another `<origin>`'),
         Rule('bad-sensor', WARNING,
              'a lidar or camera is left out, or has its limits exchanged: the robot loads',
