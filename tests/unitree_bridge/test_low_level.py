@@ -85,7 +85,7 @@ def test_a_motor_that_is_not_enabled_gets_no_torque():
 def stood():
     """Return a robot that a program made stand by its motors, and holds."""
     rig = Rig()
-    rig.stand_by_motors(2.5)
+    rig.stand_by_motors(1.5)
     return rig
 
 
@@ -141,7 +141,7 @@ def test_silence_damps_and_is_said(stood):
     joints = world.joints()
     world.step(1)
     assert world.joints().effort == pytest.approx(-8.0 * joints.velocity, abs=0.3)
-    stood.run(3.0)
+    stood.run(2.5)
     assert stood.position[2] < 0.15
 
 
@@ -150,7 +150,7 @@ def test_an_e_stop_ends_what_a_program_does_to_the_motors(stood):
     stood.stand_by_motors(1.2)
     assert stood.position[2] > 0.25
     stood.go2.bridge.disarm()
-    stood.run(3.0)
+    stood.run(2.0)
     assert stood.position[2] < 0.15
 
 
@@ -180,15 +180,16 @@ def test_damp_lets_go_of_motors_that_a_program_goes_on_commanding(rig, damp, pau
     assert command(0.02) is not None
 
 
+UNSEALED = low_cmd(q=1.0, kp=60.0, is_sealed=False)
+NO_NUMBER = low_cmd(q=math.nan, kp=60.0)
+PUSH = low_cmd(tau=20.0)
+NEGATIVE_GAIN = low_cmd(kp=-60.0)
+
+
 def hostile(tick):
     """Return a wrong checksum, no number, half a message, a negative gain, noise."""
-    return [
-        low_cmd(q=1.0, kp=60.0, is_sealed=False),
-        low_cmd(q=math.nan, kp=60.0),
-        low_cmd(tau=20.0)[: 4 * (tick % 203)],
-        low_cmd(kp=-60.0),
-        np.random.default_rng(tick).bytes(812),
-    ]
+    noise = np.random.default_rng(tick).bytes(812)
+    return [UNSEALED, NO_NUMBER, PUSH[: 4 * (tick % 203)], NEGATIVE_GAIN, noise]
 
 
 @pytest.fixture(scope='module')

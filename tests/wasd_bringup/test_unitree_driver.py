@@ -32,6 +32,8 @@ class Commanded:
         self.session = Run(asked)
         self.robot = self.session.robot
         self.wire = TableWire()
+        # Five hundred a second: who commands the motors says so.
+        self.wire.unheard.add(LOW_STATE.name)
         self.driver = UnitreeDriver(
             self.robot, self.wire, idle_guard(self.robot) if guards else None
         )
@@ -60,6 +62,7 @@ class Commanded:
 
     def hold_by_motors(self, seconds):
         """Rise within a second by LowCmds, and hold the stand; return how many counted."""
+        self.wire.unheard.discard(LOW_STATE.name)
         self.run(0.002)
         low, start = self.driver.bridge.low, positions(self.wire.last(LOW_STATE))
         refused = low.refused
@@ -68,6 +71,7 @@ class Commanded:
             aims = (1.0 - share) * start + share * STANDING
             self.wire.come['rt/lowcmd'].append(low_cmd(aims, kp=60.0, kd=5.0))
             self.run(0.002)
+        self.wire.unheard.add(LOW_STATE.name)
         return round(500 * seconds) - (low.refused - refused)
 
     def hold_stick(self, seconds):
@@ -102,45 +106,45 @@ def still():
 
 def test_a_program_drives_until_a_key_takes_over_or_an_e_stop_ends_it(run):
     run.call(STAND_UP)
-    run.run(2.0)
+    run.run(1.5)
     assert run.robot.drivers.state.driver == ''
-    run.move(1.5)
+    run.move(1.0)
     assert run.speed > 0.2
     state = run.robot.drivers.state
     assert (state.driver, state.right) == ('unitree', 'program')
-    assert state.since == pytest.approx(2.0, abs=0.01)
+    assert state.since == pytest.approx(1.5, abs=0.01)
     run.session.press('2')
-    run.run(3.0)
+    run.run(2.4)
     assert run.robot.state == 'fixed stand'
     assert run.speed < 0.02
     assert not run.driver.bridge.motion.is_moving
-    run.move(1.5)
+    run.move(0.6)
     assert run.speed > 0.2
     run.session.e_stop('page')
     assert run.robot.state == 'passive'
-    run.run(2.0)
+    run.run(1.5)
     assert (run.robot.state, run.height < 0.15) == ('passive', True)
 
 
 def test_a_program_has_the_motors_whatever_keys_say_until_an_e_stop_or_a_reset(run):
-    assert run.hold_by_motors(1.5) == 750
+    assert run.hold_by_motors(1.2) == 600
     assert run.robot.drivers.state.driver == 'unitree'
     run.session.press('4')
-    assert run.hold_by_motors(0.5) == 250
+    assert run.hold_by_motors(0.3) == 150
     assert (run.robot.state, run.height > 0.3) == ('passive', True)
     run.session.e_stop('page')
-    assert run.hold_by_motors(3.0) == 0
-    assert run.height < 0.15
+    assert run.hold_by_motors(1.5) == 0
     run.run(SILENCE + 0.2)
+    assert run.height < 0.15
     assert run.robot.drivers.state.driver == ''
     # A program that has let go, and takes the motors again, has them.
-    assert run.hold_by_motors(2.0) == 1000
+    assert run.hold_by_motors(1.5) == 750
     assert run.height > 0.3
     run.session.simulation.reset()
     run.run(0.1)
     assert not run.driver.bridge.low.is_released
     run.session.press('2')
-    run.run(2.5)
+    run.run(1.5)
     assert run.robot.state == 'fixed stand'
     # And keys move the sticks that programs see.
     for key in '4wwl':
@@ -162,20 +166,20 @@ def test_a_program_that_an_e_stop_refuses_stays_so_when_another_ends_its_move(ru
             simulate(0.002)
 
     monkeypatch.setattr(run, 'run', repeat)
-    run.run(0.5)
+    run.run(0.3)
     run.call(STAND_UP)
-    run.run(2.5)
+    run.run(1.5)
     run.move(0.5)
     assert run.speed > 0.1
     run.call(STOP_MOVE)
-    run.run(1.0)
+    run.run(0.5)
     assert not run.driver.bridge.low.is_live
     assert (run.robot.state, run.speed < 0.05) == ('move base', True)
 
 
 def test_a_lean_ends_as_a_program_asks_also_after_a_key(run):
     run.call(STAND_UP)
-    run.run(2.0)
+    run.run(1.6)
     run.call(EULER, x=0.3, y=0.0, z=0.0)
     run.run(1.0)
     assert run.robot.world.base().rpy[0] > 0.25
@@ -188,31 +192,31 @@ def test_a_lean_ends_as_a_program_asks_also_after_a_key(run):
 
 def test_a_stick_held_over_an_e_stop_counts_after_a_silence(run):
     run.call(STAND_UP)
-    run.run(2.0)
+    run.run(1.5)
     run.hold_stick(0.5)
     run.session.e_stop('page')
     run.hold_stick(SILENCE + 0.3)
     run.session.press('2')
     run.run(1.0)
-    run.hold_stick(1.0)  # after a silence that is not long enough
+    run.hold_stick(0.5)  # after a silence that is not long enough
     assert run.robot.state == 'fixed stand'
     run.session.simulation.reset()
     run.run(SILENCE + 0.1)
     run.call(STAND_UP)
-    run.run(2.0)
+    run.run(1.5)
     start = run.ahead
-    run.hold_stick(2.0)
+    run.hold_stick(1.5)
     assert run.ahead - start > 0.3
 
 
 def test_a_latched_e_stop_holds_until_it_is_released():
     run = Commanded(latched=True)
-    assert run.hold_by_motors(0.5) == 250
+    assert run.hold_by_motors(0.2) == 100
     run.session.e_stop('page')
     run.run(SILENCE + 0.1)
-    assert run.hold_by_motors(0.5) == 0
+    assert run.hold_by_motors(0.2) == 0
     run.call(STAND_UP)
-    run.run(1.0)
+    run.run(0.3)
     assert run.robot.state == 'passive'
     run.session.end_e_stop()
     run.run(SILENCE + 0.1)
@@ -225,19 +229,19 @@ def test_a_move_repeated_over_an_e_stop_counts_only_after_it_has_ended(latched):
     run = Commanded(latched=latched)
     run.call(STAND_UP)
     run.run(1.5)
-    run.move(1.0)
+    run.move(0.6)
     assert run.speed > 0.2
     run.session.e_stop('page')
     run.move(SILENCE + 0.3)
     run.session.end_e_stop()
-    run.move(0.5)
+    run.move(0.3)
     run.session.press('2')
     start = run.ahead
-    run.move(2.0)
+    run.move(1.5)
     assert run.robot.state == 'fixed stand'
     assert abs(run.ahead - start) < 0.05
     run.call(STOP_MOVE)
-    run.move(1.0)
+    run.move(0.6)
     assert run.speed > 0.2
 
 
@@ -260,7 +264,7 @@ def test_programs_switch_the_guard_that_stops_before_a_wall():
         assert guard.unit._parameters.footprint_padding == SWAY
     assert told == [0, 1, 1, 1]  # for a recording
     run.call(STAND_UP)
-    run.run(2.0)
+    run.run(1.5)
     for _ in range(55):
         assert not walk()
     assert run.ahead > 2.0
