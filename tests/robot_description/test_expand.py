@@ -6,6 +6,7 @@ import sys
 from cases import for_all
 import pytest
 from robot_description.packages import description_path, share_directory
+from robot_description.xacro import session
 from robot_description.xacro.session import expand_document
 from wasd_core.errors import DescriptionError, PackageNotFound
 
@@ -312,3 +313,21 @@ def test_a_property_without_its_prefix_is_told_where_it_is_missed(write):
         f"2: name 'a' is not defined when evaluating expression 'a'; <property> at {path}:1 lacks "
         'its prefix: write <xacro:property>'
     )
+
+
+def test_a_file_of_ours_is_expanded_once_in_a_process_until_a_file_that_it_reads_changes(
+    write, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(session, 'OUR_FILES', tmp_path)
+    own = '<xacro:arg name="link" default="a"/><link name="$(arg link)"/>'
+    path = write(f'{own}<xacro:include filename="part.xacro"/>')
+    part = write('<link name="one"/>', 'part.xacro')
+    first = expand_document(path)
+    assert expand_document(path) is first
+    assert 'name="b"' in expand_document(path, {'link': 'b'}).urdf
+    assert 'name="b"' not in expand_document(path).urdf
+    write('<link name="two"/>', 'part.xacro')
+    assert 'name="two"' in expand_document(path).urdf
+    part.unlink()
+    with pytest.raises(DescriptionError, match=r'robot\.xacro:.*part\.xacro'):
+        expand_document(path)
