@@ -12,6 +12,7 @@ from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.inputs import ScriptedTwist, SWITCH_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import REFUSED
+from wasd_bringup.run.run import Run as Session
 from wasd_cockpit.link import Order, Push, Stick, STICK_PROOF, words_of
 from wasd_core.output_file import OutputFile
 
@@ -23,12 +24,12 @@ PERIOD = 1.0 / 60.0  # of the scene [s]
 class Run:
     """A run with a page's bridge; simulated time passes when it is told to."""
 
-    def __init__(self, options):
-        self.session = make_ros_run(options)
-        self.bridge = CockpitBridge(self.session)
-        self.heard = [[] for _ in self.session.robots]  # what `keys` told, for each robot
-        for face, heard in zip(self.session.face.faces, self.heard, strict=True):
-            face.keys.publish_key = heard.append
+    def __init__(self, session):
+        self.session = session
+        self.bridge = CockpitBridge(session)
+        self.heard = [[] for _ in session.robots]  # what `keys` would tell, for each robot
+        for robot, heard in zip(session.robots, self.heard, strict=True):
+            robot.on_key.append(heard.append)
         self._now = 0.0
         self._grip = None  # of the hand
 
@@ -49,14 +50,14 @@ class Run:
 
 
 @pytest.fixture
-def run_of(ros, tmp_path, monkeypatch):
-    """A function that makes a run of a robot with options."""
+def run_of(tmp_path, monkeypatch):
+    """A function that makes a run of a robot with options, as with --no-ros."""
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
     runs = []
 
-    def make(robot, preset, **more):
+    def make(robot, preset, make_run=Session, **more):
         options = RunOptions(robot=robot, description=robot, preset=preset, speed=0.0, **more)
-        runs.append(Run(options))
+        runs.append(Run(make_run(options)))
         return runs[-1]
 
     yield make
@@ -205,8 +206,8 @@ def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(
 
 @pytest.mark.parametrize('preset', ['unitree', 'wasd'])
 @pytest.mark.parametrize('state', [StateName.PASSIVE, StateName.FIXED_STAND])
-def test_the_emergency_stop_is_answered_in_one_line(run_of, state, preset, capfd):
-    run = run_of('go2', preset)
+def test_the_emergency_stop_is_answered_in_one_line(ros, run_of, state, preset, capfd):
+    run = run_of('go2', preset, make_ros_run)
     stack = run.session.robot
     stack.legs.controller._machine.force(state)
     run.session.simulation.advance(20)
@@ -246,8 +247,10 @@ def test_the_emergency_stop_ends_a_script(run_of):
     assert controller.target.linear > 0.0
 
 
-def test_after_an_emergency_stop_others_are_refused_until_they_were_silent_or_send_a_zero(run_of):
-    run = run_of('mbot', 'mbot')
+def test_after_an_emergency_stop_others_are_refused_until_they_were_silent_or_send_a_zero(
+    ros, run_of
+):
+    run = run_of('mbot', 'mbot', make_ros_run)
     robot, simulation = run.session.robot, run.session.simulation
     follow = run.session.face.faces[0].controller.node.cmd_vel.on_velocity
     admit, words = lambda velocity: follow(velocity, 0.0), REFUSED.format('/cmd_vel')
@@ -273,7 +276,7 @@ def test_an_emergency_stop_holds_against_who_sends_on_while_time_hurries(run_of,
     simulation.pacer.measure(1.0, 20.0)
     assert robot.drive((0.2, 0.0, 0.0), 'sine')
     run.order('e-stop')
-    for _ in range(10):
+    for _ in range(4):
         simulation.advance(round(20.0 * 0.1 / run.session.world.time_step))
         assert not robot.drive((0.2, 0.0, 0.0), 'sine')
 
@@ -502,12 +505,13 @@ def test_a_state_whose_key_the_keymap_took_cannot_be_chosen(run_of, tmp_path):
 def test_a_full_stick_backwards_is_as_fast_as_the_page_says(run_of, state):
     run = run_of('go2', 'unitree')
     stack = run.session.robot
-    for key in ('2', '4' if state is StateName.TROTTING else '5'):
+    for key, steps in (('2', 1200), ('4' if state is StateName.TROTTING else '5', 200)):
         run.session.press(key)
-        run.session.simulation.advance(1500)
+        run.session.simulation.advance(steps)
     assert stack.state == state
-    for stick in (Stick(-1.0), Stick(1.0)):
-        for _ in range(60):
+    # From full speed backwards to full speed ahead the ramp takes 1.75 s.
+    for stick, looks in ((Stick(-1.0), 27), (Stick(1.0), 57)):
+        for _ in range(looks):
             run.look(stick)
             run.session.simulation.advance(33)
         shown = run.bridge._link.snapshot
