@@ -28,8 +28,8 @@ from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 
 DESK = (1280, 720)
-# As many pictures a second: what a hand does waits for them while the run goes on.
-RATE = 100.0
+# As many pictures a second as most browsers draw: two for each frame of panels.
+RATE = 60.0
 SCENARIOS = Path(__file__).with_name('wasd_cockpit')
 
 

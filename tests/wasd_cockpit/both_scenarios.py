@@ -117,6 +117,7 @@ def scenario_whatever_a_spectator_sends_the_go2_walks_on(page: Page) -> None:
     page.tap('Space')
 
 
+@paused
 def scenario_gaits_are_chosen_by_name(page: Page) -> None:
     chosen = page.robot.legs.controller
     for gait in reversed(GAITS):

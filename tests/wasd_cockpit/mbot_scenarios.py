@@ -114,6 +114,7 @@ def scenario_a_stick_that_is_held_over_an_e_stop_stays_still_though_the_page_is_
     page.puppet.let_go()
 
 
+@paused
 def scenario_keys_drive_after_a_click_on_a_button(page: Page) -> None:
     page.click('tab keys')
     page.tap('I')
@@ -136,6 +137,7 @@ def scenario_keys_count_while_the_stick_is_held(page: Page) -> None:
     page.wait_until(lambda: page.robot.logic.last_key == 'k', 'k was pressed')
 
 
+@paused
 def scenario_a_key_that_is_clicked_is_pressed_and_lit(page: Page) -> None:
     page.click('tab keys')
     page.click('key k')
@@ -174,6 +176,7 @@ def type_speed(page: Page, text: str) -> None:
     page.wait_until(lambda: page.session.simulation.pacer.speed == wanted, text)
 
 
+@paused
 def scenario_whatever_is_typed_the_stick_s_share_of_full_speed_is_on_its_slider(
     page: Page,
 ) -> None:
@@ -191,11 +194,13 @@ def scenario_whatever_is_typed_the_stick_s_share_of_full_speed_is_on_its_slider(
     drive.share = 0.5
 
 
+@paused
 def scenario_time_goes_as_fast_as_the_field_says(page: Page) -> None:
     for text in ('0.5', '0', '1.25', '1'):
         type_speed(page, text)
 
 
+@paused
 def scenario_time_that_goes_slower_by_steps_goes_on(page: Page) -> None:
     pacer = page.session.simulation.pacer
     type_speed(page, '0.3')
@@ -269,6 +274,7 @@ def scenario_a_page_without_panels_still_has_the_emergency_stop(page: Page) -> N
     page.show('pad')
 
 
+@paused
 def scenario_a_page_that_draws_few_pictures_is_told_so(page: Page) -> None:
     usual, page.puppet.rate = page.puppet.rate, 5.0
     page.wait_until(lambda: SLOW_PAGE in page.cockpit._slow_words, 'it is told')
@@ -280,6 +286,7 @@ def scenario_a_page_that_draws_few_pictures_is_told_so(page: Page) -> None:
     page.wait_until(lambda: 'text cannot hold' not in page.rects, 'nor at the stick')
 
 
+@paused
 def scenario_however_much_is_to_be_said_it_stays_within_the_scene(page: Page) -> None:
     say = page.robot.say
     say('a lot')
@@ -316,6 +323,7 @@ def scenario_the_map_shows_what_rays_hit_and_where_the_robot_was(page: Page) -> 
     assert page.snapshot.trail.shape[1] == 2
 
 
+@paused
 def scenario_pictures_come_when_they_are_wanted(page: Page) -> None:
     page.click('tab eyes')
     sight = page.cockpit.page.sight
@@ -330,6 +338,7 @@ def scenario_pictures_come_when_they_are_wanted(page: Page) -> None:
     page.click('tab view')
 
 
+@paused
 def scenario_a_robot_without_a_lidar_of_points_says_so_in_place_of_its_elevation(
     page: Page,
 ) -> None:
@@ -342,6 +351,7 @@ def scenario_a_robot_without_a_lidar_of_points_says_so_in_place_of_its_elevation
     page.click('tab view')
 
 
+@paused
 def scenario_the_camera_goes_where_it_is_sent_and_back(page: Page) -> None:
     camera = page.cockpit.page.viewer.camera
     azimuth, distance = camera.azimuth, camera.distance
@@ -379,6 +389,7 @@ def scenario_a_camera_that_follows_goes_up_where_a_wall_hides_the_robot(page: Pa
     page.wait_until(lambda: abs(camera.elevation - elevation) < 1e-6, 'it stays up')
 
 
+@paused
 def scenario_marks_are_drawn_where_they_are_wanted(page: Page) -> None:
     geoms = page.cockpit.page.viewer.extra_geoms
     for name in ('lidar', 'estimate', 'trail'):
