@@ -33,6 +33,12 @@ FLAGS = (
 )
 # A page that draws fewer pictures a second than this cannot be told from one that is lost.
 LEAST_RATE = 1.5
+# A browser that renders in software draws all the time if it may: so many pictures a second do.
+MOST_RATE = 12.0
+SPARE = f"""
+const Draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = draw => setTimeout(() => Draw(draw), {1000.0 / MOST_RATE:.0f});
+"""
 # Counts the pictures that the page tells of, and the panels that it is sent, on their connection.
 COUNT = """
 window.told = window.sent = window.longest = 0;
@@ -107,9 +113,14 @@ def screenshot(browser: Any) -> np.ndarray:
     return np.asarray(Image.open(png).convert('RGB')).astype(int)
 
 
-def open_page(browser: Any, url: str) -> list[dict[str, Any]]:
-    """Open a page, wait until it shows a panel, and give it the keys; return its console."""
-    browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': COUNT})
+def open_page(browser: Any, url: str, spares: bool = False) -> list[dict[str, Any]]:
+    """
+    Open a page, wait until it shows a panel, and give it the keys; return its console.
+
+    One that `spares` the processor draws at most MOST_RATE pictures a second.
+    """
+    source = COUNT + SPARE * spares
+    browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': source})
     browser.get(url)
     deadline, said = time.monotonic() + PATIENCE, list[dict[str, Any]]()
     while not any('First remote draw frame applied' in entry['message'] for entry in said):

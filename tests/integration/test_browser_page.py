@@ -61,7 +61,7 @@ def test_mbot_is_seen_moving_without_an_error_and_without_panels_that_cannot_be_
 ) -> None:
     (tmp_path / 'circle.txt').write_text('0 0.15 0 0.5')
     run = run_with_page('mbot', '--twist', 'circle.txt', '--duration', '300')
-    console = open_page(browser, run.url)
+    console = open_page(browser, run.url, spares=True)
     first = wait_for_robot(picture)
     time.sleep(1.0)
     second = picture()
@@ -84,41 +84,28 @@ def see_a_slow_browser_not_be_sent_panels_that_it_cannot_show(browser: Any) -> N
     assert max(ahead) <= 5
 
 
-def test_a_key_that_is_held_drives_and_ends_with_the_browser(
+def test_a_key_that_is_held_ends_where_its_page_is_left_and_with_the_browser(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
     run = run_with_page('mbot', '--save-keys', 'keys.txt', '--report', 'report.json')
-    open_page(browser, run.url)
+    open_page(browser, run.url, spares=True)
     skip_unless_alive(browser)
     saved = tmp_path / 'keys.txt'
-    ActionChains(browser).key_down('i').perform()
-    with judged_while_alive(browser):
-        wait_for_key(saved, 'i')
-        time.sleep(1.0)
-    browser.quit()
-    time.sleep(1.0)
-    said = saved.read_text()
-    assert said.splitlines()[-1].split()[1] == 'RELEASE+i'
-    assert presses(saved)[-1] == 'STOP'
-    time.sleep(1.0)
-    assert saved.read_text() == said
+    see_a_key_that_is_held_while_the_page_is_left_count_after_its_release(browser, saved)
+    see_a_key_that_is_held_drive_and_end_with_the_browser(browser, saved)
     run.end()
     report = json.loads((tmp_path / 'report.json').read_text())
     assert report['samples']['position'][-1][0] > 0.02
 
 
-def test_a_key_that_is_held_while_the_page_is_left_counts_after_its_release(
-    run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
+def see_a_key_that_is_held_while_the_page_is_left_count_after_its_release(
+    browser: Any, saved: Path
 ) -> None:
     def tell(what: str, is_repeat: bool = False) -> None:
         key = {'key': 'i', 'code': 'KeyI', 'windowsVirtualKeyCode': 73}
         words = {'type': what, 'autoRepeat': is_repeat, **key}
         browser.execute_cdp_cmd('Input.dispatchKeyEvent', words)
 
-    run = run_with_page('mbot', '--save-keys', 'keys.txt')
-    open_page(browser, run.url)
-    skip_unless_alive(browser)
-    saved = tmp_path / 'keys.txt'
     tell('keyDown')
     wait_for_key(saved, 'i')
     browser.execute_script("dispatchEvent(new Event('blur'))")
@@ -132,6 +119,23 @@ def test_a_key_that_is_held_while_the_page_is_left_counts_after_its_release(
     time.sleep(1.0)
     tell('keyDown')
     wait_for_key(saved, 'i', pressed + 1)
+    tell('keyUp')
+    wait_for_key(saved, 'RELEASE+i', 2)
+
+
+def see_a_key_that_is_held_drive_and_end_with_the_browser(browser: Any, saved: Path) -> None:
+    before = len(presses(saved))
+    ActionChains(browser).key_down('i').perform()
+    with judged_while_alive(browser):
+        wait_for_key(saved, 'i', since=before)
+        time.sleep(1.0)
+    browser.quit()
+    time.sleep(1.0)
+    said = saved.read_text()
+    assert said.splitlines()[-1].split()[1] == 'RELEASE+i'
+    assert presses(saved)[-1] == 'STOP'
+    time.sleep(1.0)
+    assert saved.read_text() == said
 
 
 def test_without_ros_the_page_answers_this_machine_only_and_a_second_run_takes_the_next_port(

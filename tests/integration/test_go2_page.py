@@ -121,7 +121,7 @@ def test_the_go2_is_seen_standing_up_and_walking_and_a_tap_is_a_step(
     tmp_path: Path,
 ) -> None:
     run = run_with_page('go2', '--report', 'report.json', '--save-keys', 'keys.txt')
-    console = open_page(browser, run.url)
+    console = open_page(browser, run.url, spares=True)
     lying = wait_for(picture, lambda image: is_dog(image).mean() > 0.005, 'the dog')
     press('2')
     wait_for(picture, lambda image: height_of_dog(image) > 1.25 * height_of_dog(lying), 'a stand')
