@@ -119,16 +119,16 @@ def test_in_sync_ros_and_the_interface_lose_no_message_and_a_busy_machine_change
     )
     spin_until(spawn.pump, lambda: ear.count_publishers('odom') > 0)
     with ThreadPoolExecutor() as pool:
-        told = pool.submit(program, 'in_sync', '700')
+        told = pool.submit(program, 'in_sync', '500')
         spin_until(spawn.pump, told.done, timeout=180)
     quiet = told.result()['samples']
     ticks = sorted(map(int, quiet))
     assert set(np.diff(ticks)) == {2}
-    assert ticks[-1] == 1400
-    heard = [stamp for stamp in stamps if stamp <= 1_400_000_000]
-    assert len(heard) > 50
+    assert ticks[-1] == 1000
+    heard = [stamp for stamp in stamps if stamp <= 1_000_000_000]
+    assert len(heard) > 30
     assert len(set(np.diff(heard))) == 1
-    assert heard[-1] > 1_300_000_000
+    assert heard[-1] > 900_000_000
     # The bridge alone is the same robot; others have the processor, again and again.
     process = simulate('--sync')
     with ThreadPoolExecutor() as pool:
@@ -231,7 +231,7 @@ def test_nothing_leaves_the_loopback_and_nothing_is_heard_from_outside(hosts):
             stranger = [sys.executable, PROGRAMS, '0', 'round_trip']
             far = {**os.environ, 'SDK_NETWORK': 'wire1'}
             outside = on(there, *stranger, '5', env=far, **pipe)
-            own = on(here, *stranger, '2', **pipe)
+            own = on(here, *stranger, '1', **pipe)
             heard = [json.loads(each.communicate()[0].splitlines()[-1]) for each in (outside, own)]
             out, came = map(int, sniffer.communicate('enough')[0].split())
         robot.terminate()
@@ -254,7 +254,7 @@ def running(ros_domains):
     """Yield domain and process of the run that programs of the tests below command."""
     domain = str(next(ros_domains))
     robots = Simulated(domain)
-    yield domain, robots.start(*RUN, module='wasd_bringup.cli')
+    yield domain, robots.start(*RUN, '--no-ros', module='wasd_bringup.cli')
     robots.end()
 
 
