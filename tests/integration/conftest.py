@@ -236,7 +236,7 @@ class TerminalSession:
         self.before = termios.tcgetattr(self.slave)
         self.shown = ''
         self.process = programs.start(
-            [sys.executable, '-c', programs.TAKE_TERMINAL, *arguments, *last],
+            [*programs.ON_TERMINAL, *arguments, *last],
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,

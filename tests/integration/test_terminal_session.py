@@ -95,7 +95,7 @@ def test_it_shows_the_keys_and_a_status_line_and_a_closed_terminal_ends_it(
 def test_after_the_end_of_a_pipe_ctrl_c_is_a_signal_again(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:
-    program = ('-c', programs.SHELL, PIPE, '-m', 'wasd_bringup.cli')
+    program = (*programs.IN_SHELL, PIPE, '-m', 'wasd_bringup.cli')
     session = start('--no-ros', '--duration', '600', program=program)
     # The test is a terminal that tells releases.
     session.wait_for('\x1b[?u')

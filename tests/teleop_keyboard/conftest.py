@@ -33,7 +33,7 @@ class PtyProcess:
         self.output = b''
         self.is_gone = False
         self.process = programs.start(
-            [sys.executable, '-c', programs.TAKE_TERMINAL, *arguments],
+            [*programs.ON_TERMINAL, *arguments],
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,

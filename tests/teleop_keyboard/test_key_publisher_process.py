@@ -143,7 +143,7 @@ def test_ctrl_z_tells_the_robot_to_stop(pty_process, listener):
 
 
 def test_keys_from_a_pipe_beside_a_terminal_wait_for_who_listens(pty_process, listener):
-    process = pty_process('-c', programs.SHELL, 'printf 24 | "$0" "$@"', *MODULE)
+    process = pty_process(*programs.IN_SHELL, 'printf 24 | "$0" "$@"', *MODULE)
     assert process.wait() == 0
     listener.settle()
     assert listener.keys == ['2', '4']

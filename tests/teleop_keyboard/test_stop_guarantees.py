@@ -76,7 +76,9 @@ def test_a_closed_terminal_stops_the_robot(pty_process, listener):
 def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
     pty_process, listener, tmp_path, shell
 ):
-    process = pty_process('-c', SHELL, *TELEOP, environment={'FOLDER': str(tmp_path), **shell})
+    process = pty_process(
+        '-S', '-c', SHELL, *TELEOP, environment={'FOLDER': str(tmp_path), **shell}
+    )
     listener.probe(process)
     listener.drive(process)
     process.type(b'\x1a')

@@ -142,7 +142,7 @@ def test_keys_from_a_pipe_have_their_effect_before_the_end_and_are_told_in_plain
 def test_keys_from_a_pipe_beside_a_terminal_have_their_effect_before_the_end(
     pty_process, listener
 ):
-    process = pty_process('-c', programs.SHELL, 'printf iii | "$0" "$@"', *MODULE)
+    process = pty_process(*programs.IN_SHELL, 'printf iii | "$0" "$@"', *MODULE)
     assert process.wait() == 0
     listener.settle()
     assert max(velocity.vx for velocity in listener.velocities) > 0.05
