@@ -156,7 +156,7 @@ class LegController:
         self._change_gait()
         self.safety.params = own.safety
         self._kalman.tune(own.kalman)
-        self._heading.params = own.kalman
+        self._heading.tune(own.kalman)
 
     def take_remark(self) -> str:
         """Return what the present state has to tell the driver, once; '' for nothing."""

@@ -39,7 +39,7 @@ def test_at_rest_the_heading_is_held_and_the_bias_found():
 
 def test_on_the_way_the_drift_that_was_found_is_taken_off():
     heading = Heading(EstimatorParameters())
-    heading.bias = DRIFT
+    heading.flat['bias'] = DRIFT
     drift = 0.0
     for _ in range(1000):
         drift += DT * DRIFT

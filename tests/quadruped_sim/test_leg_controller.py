@@ -598,7 +598,7 @@ def test_after_a_fault_the_heading_that_was_found_is_kept(model, run):
     run(controller, 2)
     controller.press('2')
     run(controller, 3)
-    controller._heading.offset = 0.5
+    controller._heading.flat['offset'] = 0.5
     run(controller, 3)
     before = controller.robot.base.R.copy()
     controller._kalman._estimate.x[:] = np.nan

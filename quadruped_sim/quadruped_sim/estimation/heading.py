@@ -2,9 +2,12 @@
 """Which way the robot looks: the IMU's heading, less what its gyro has drifted."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from wasd_core.jit import jit
 
+from quadruped_sim.algebra import flatten, view_of
 from quadruped_sim.tuning import EstimatorParameters
 
 # Feet that stay so near to where they were [m], seen from the base, stand still,
@@ -19,7 +22,29 @@ _MOST = 5.0
 _STANDING = 0.99
 
 
-_Feet = list[list[float]]  # where they are in the plane, (4, 2) [m]
+class HeadingState(NamedTuple):
+    """
+    What `Heading` keeps: `offset` and `bias`, their variances and the covariance that `ties` them.
+
+    Of a rest, if it `rests`: the `feet` (4, 2) as it began, in axes that turn with the heading
+    [m], and their `arms` from their middle, the `yaw` by the IMU, for how long [s], the `mean` of
+    the first readings, and the filter's `drift`, its variance, and its covariance with the bias.
+    """
+
+    feet: np.ndarray
+    arms: np.ndarray
+    offset: float = 0.0
+    bias: float = 0.0
+    bias_variance: float = 0.0
+    variance: float = 0.0
+    tie: float = 0.0
+    rests: float = 0.0
+    yaw: float = 0.0
+    time: float = 0.0
+    mean: float = 0.0
+    drift: float = 0.0
+    spread: float = 0.0
+    cross: float = 0.0
 
 
 class Heading:
@@ -36,16 +61,21 @@ class Heading:
 
     def __init__(self, params: EstimatorParameters, size: float = 1.0) -> None:
         """Take a robot whose lengths are those of a Go2 times `size`."""
-        self.params, self._still = params, STILL * size
+        self._still = STILL * size
+        blank = HeadingState(np.zeros((4, 2)), np.zeros((4, 2)))
+        self.flat = flatten(blank)
+        self._own: HeadingState = view_of(self.flat, blank)
+        self.tune(params)
         self.reset()
+
+    def tune(self, params: EstimatorParameters) -> None:
+        """Take other parameters."""
+        self._rules = flatten({**vars(params), 'still': self._still})
 
     def reset(self, offset: float = 0.0) -> None:
         """Believe the IMU, corrected by a known `offset` [rad]."""
-        self.offset = offset
-        self.bias = 0.0
-        self._variance = self.params.gyro_bias**2  # of the bias
-        self.variance = self._tie = 0.0  # of the offset [rad^2], and its covariance with the bias
-        self._feet: _Feet | None = None
+        self.flat[:] = np.zeros_like(self.flat)
+        self.flat['offset'], self.flat['bias_variance'] = offset, self._rules['gyro_bias'] ** 2
 
     def step(self, R: np.ndarray, feet: np.ndarray, trust: np.ndarray, dt: float) -> None:
         """
@@ -53,73 +83,133 @@ class Heading:
 
         `feet` (4, 3) are seen from the base, base axes [m]; `trust` (4,) says if they stand.
         """
-        self.offset += dt * self.bias
-        self._variance += dt * self.params.gyro_walk**2
         if min(trust.tolist()) < _STANDING:
-            self._feet = None
-            self.variance += dt * (2.0 * self._tie + dt * self.params.gyro_noise**2)
-            self._tie += dt * self._variance
+            _walk(self.flat, self._rules, dt)
             return
-        yaw = math.atan2(float(R[1, 0]), float(R[0, 0]))
+        yaw = math.atan2(R.item(3), R.item(0))
         c, s = math.cos(yaw), math.sin(yaw)
-        # From here on in plain numbers: numpy takes ten times as long for four feet.
-        level = (feet @ R.T[:, :2] @ np.array(((c, -s), (s, c)))).tolist()
-        if self._feet is None or _distance(level, self._feet) > self._still:
-            self._rest(level, yaw)
-        drift = math.remainder(yaw - self._yaw - self._turn(level), math.tau)
-        self._time += dt
-        if self._time < SETTLING:
-            self._mean += (drift - self._mean) * dt / self._time
-            return
-        self._correct(drift - self._mean, dt)
+        level = feet @ R.T[:, :2] @ np.array(((c, -s), (s, c)))
+        _stand(self.flat, self._rules, level, yaw, dt)
+
+    @property
+    def offset(self) -> float:
+        """How far the IMU's heading is off [rad]."""
+        return float(self._own.offset)
+
+    @property
+    def bias(self) -> float:
+        """How fast it drifts [rad/s]."""
+        return float(self._own.bias)
+
+    @property
+    def variance(self) -> float:
+        """Variance of the offset [rad^2]."""
+        return float(self._own.variance)
 
     @property
     def drift(self) -> tuple[float, float]:
         """How far the IMU's heading is off [rad], and its rate of turn [rad/s]."""
         return self.offset, self.bias
 
-    def _rest(self, level: _Feet, yaw: float) -> None:
-        """Begin to rest with the feet here, in axes that turn with the heading."""
-        self._feet, self._arms, self._yaw = level, _centred(level), yaw
-        self._time = self._mean = 0.0
-        self._drift = self._spread = self._cross = 0.0
 
-    def _turn(self, level: _Feet) -> float:
-        """Angle by which the base has turned over its feet since they came to rest [rad]."""
-        arms = list(zip(_centred(level), self._arms, strict=True))
-        a, b, c, d = [x * before[1] - y * before[0] for (x, y), before in arms]
-        e, f, g, h = [(x * before[0] + y * before[1]) for (x, y), before in arms]
-        return math.atan2(a + b + c + d, (e + f) + (g + h))
-
-    def _correct(self, measured: float, dt: float) -> None:
-        """Predict drift and bias, and take what is `measured` of the drift [rad]."""
-        self._drift += dt * self.bias
-        self._spread += dt * (2.0 * self._cross + dt * self.params.gyro_noise**2)
-        self._cross += dt * self._variance
-        share = 1.0 / (self._spread + READING**2)
-        innovation = measured - self._drift
-        if innovation * innovation > _MOST**2 / share:  # no gyro drifts so, the robot turns
-            self._feet = None
-            return
-        correction = self._spread * share * innovation
-        self._drift += correction
-        self.offset += correction  # the prediction is in it already
-        self.bias += self._cross * share * innovation
-        known = self._cross * self._cross * share / max(self._variance, 1e-12)
-        self._variance -= known * self._variance
-        self._tie -= known * self._tie
-        self._cross -= self._spread * self._cross * share
-        self._spread -= self._spread * self._spread * share
+@jit
+def _walk(flat: np.ndarray, rules: np.ndarray, dt: float) -> None:
+    """Advance without a foot to hold the heading by: the offset is known less and less."""
+    own = flat[0]
+    _go_on(flat, rules, dt)
+    own.rests = 0.0
+    own.variance += dt * (2.0 * own.tie + dt * rules[0].gyro_noise ** 2)
+    own.tie += dt * own.bias_variance
 
 
-def _distance(level: _Feet, before: _Feet) -> float:
+@jit
+def _stand(flat: np.ndarray, rules: np.ndarray, level: np.ndarray, yaw: float, dt: float) -> None:
+    """Advance on four feet that are at `level` (4, 2) [m], in axes turned by `yaw` [rad]."""
+    own = flat[0]
+    _go_on(flat, rules, dt)
+    if own.rests == 0.0 or _distance(level, own.feet) > rules[0].still:
+        _rest(flat, level, yaw)
+    turned = yaw - own.yaw - _turn(level, own.arms)
+    drift = turned - math.tau * round(turned / math.tau)
+    own.time += dt
+    if own.time < SETTLING:
+        own.mean += (drift - own.mean) * dt / own.time
+    else:
+        _correct(flat, rules, drift - own.mean, dt)
+
+
+@jit
+def _go_on(flat: np.ndarray, rules: np.ndarray, dt: float) -> None:
+    """Let the offset drift by the bias, which is known less and less."""
+    own = flat[0]
+    own.offset += dt * own.bias
+    own.bias_variance += dt * rules[0].gyro_walk ** 2
+
+
+@jit
+def _rest(flat: np.ndarray, level: np.ndarray, yaw: float) -> None:
+    """Begin to rest with the feet here."""
+    own = flat[0]
+    x, y = _middle(level)
+    for leg in range(4):
+        own.feet[leg, 0], own.feet[leg, 1] = level[leg, 0], level[leg, 1]
+        own.arms[leg, 0], own.arms[leg, 1] = level[leg, 0] - x, level[leg, 1] - y
+    own.rests, own.yaw = 1.0, yaw
+    own.time = own.mean = own.drift = own.spread = own.cross = 0.0
+
+
+@jit
+def _turn(level: np.ndarray, arms: np.ndarray) -> float:
+    """Angle by which the base has turned over its feet since they came to rest [rad]."""
+    middle_x, middle_y = _middle(level)
+    sines, cosines = np.empty(4), np.empty(4)
+    for leg in range(4):
+        x, y = level[leg, 0] - middle_x, level[leg, 1] - middle_y
+        sines[leg] = x * arms[leg, 1] - y * arms[leg, 0]
+        cosines[leg] = x * arms[leg, 0] + y * arms[leg, 1]
+    return math.atan2(
+        sines[0] + sines[1] + sines[2] + sines[3],
+        (cosines[0] + cosines[1]) + (cosines[2] + cosines[3]),
+    )
+
+
+@jit
+def _correct(flat: np.ndarray, rules: np.ndarray, measured: float, dt: float) -> None:
+    """Predict drift and bias, and take what is `measured` of the drift [rad]."""
+    own = flat[0]
+    own.drift += dt * own.bias
+    own.spread += dt * (2.0 * own.cross + dt * rules[0].gyro_noise ** 2)
+    own.cross += dt * own.bias_variance
+    share = 1.0 / (own.spread + READING**2)
+    innovation = measured - own.drift
+    if innovation * innovation > _MOST**2 / share:  # no gyro drifts so, the robot turns
+        own.rests = 0.0
+        return
+    correction = own.spread * share * innovation
+    own.drift += correction
+    own.offset += correction  # the prediction is in it already
+    own.bias += own.cross * share * innovation
+    known = own.cross * own.cross * share / max(own.bias_variance, 1e-12)
+    own.bias_variance -= known * own.bias_variance
+    own.tie -= known * own.tie
+    own.cross -= own.spread * own.cross * share
+    own.spread -= own.spread * own.spread * share
+
+
+@jit
+def _distance(level: np.ndarray, before: np.ndarray) -> float:
     """Return how far a foot has come along an axis at most [m]."""
-    pairs = zip(level, before, strict=True)
-    return max(max(abs(x - here[0]), abs(y - here[1])) for (x, y), here in pairs)
+    most = 0.0
+    for leg in range(4):
+        for axis in range(2):
+            most = max(most, abs(level[leg, axis] - before[leg, axis]))
+    return most
 
 
-def _centred(level: _Feet) -> _Feet:
-    """Return the feet as seen from their middle."""
-    (ax, ay), (bx, by), (cx, cy), (dx, dy) = level
-    middle_x, middle_y = 0.25 * (ax + bx + cx + dx), 0.25 * (ay + by + cy + dy)
-    return [[x - middle_x, y - middle_y] for x, y in level]
+@jit
+def _middle(level: np.ndarray) -> tuple[float, float]:
+    """Return the middle of the feet."""
+    return (
+        0.25 * (level[0, 0] + level[1, 0] + level[2, 0] + level[3, 0]),
+        0.25 * (level[0, 1] + level[1, 1] + level[2, 1] + level[3, 1]),
+    )
