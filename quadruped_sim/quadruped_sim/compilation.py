@@ -17,6 +17,7 @@ from wasd_core.streams import offer
 from quadruped_sim.elevation import Elevation
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import all_leg_angles, foot_positions
+from quadruped_sim.locomotion.feedback import pd_law, rotation_error
 from quadruped_sim.locomotion.swing import foot_velocities
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
@@ -121,4 +122,6 @@ def warm_up(model: RobotModel) -> None:
     # What stages compile within themselves, other states call by itself: that is loaded, too.
     assert controller.robot is not None
     foot_velocities(controller.robot.flat)
+    tilt = rotation_error(zero, controller.robot.base.R)
+    pd_law(np.zeros((4, 3)), zero, zero, tilt, zero)
     all_leg_angles(model.geometry, foot_positions(model.geometry, model.walking_pose))

@@ -13,11 +13,11 @@ from quadruped_sim.leg_kinematics import LegGeometry, solve_leg
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import BaseMotion, RobotState
-from quadruped_sim.tuning import BalanceParameters, WholeBodyParameters
+from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import WholeBodyParameters
 
 
-def gains_of(params: BalanceParameters | WholeBodyParameters) -> np.ndarray:
+def gains_of(params: WholeBodyParameters) -> np.ndarray:
     """Gains (4, 3) of the law: rows are position, velocity, rotation and rate."""
     return np.array(
         (params.position_gains, params.velocity_gains, params.rotation_gains, params.rate_gains)
@@ -68,28 +68,42 @@ def rotation_error(rpy: np.ndarray, R: np.ndarray) -> np.ndarray:
 
 
 def base_acceleration(
-    params: BalanceParameters, base: BaseMotion, position: np.ndarray, rpy: np.ndarray
+    rules: np.ndarray, robot: RobotState, position: np.ndarray, rpy: np.ndarray
 ) -> np.ndarray:
     """
     Acceleration (6,) that brings the base to rest at a pose: linear then angular, world axes.
 
-    `position` (3,) [m] and `rpy` (3,) [rad] are in the world. Each axis is limited.
+    `position` (3,) [m] and `rpy` (3,) [rad] are in the world. Each axis is limited. `rules` see
+    `flat_rules`.
     """
-    wanted = pd_law(
-        gains_of(params),
-        position - base.position,
-        -base.velocity,
-        rotation_error(rpy, base.R),
-        -(base.R @ base.omega),
-    )
-    most = np.repeat((params.acceleration_max, params.rotation_max), 3)
-    return np.asarray(np.clip(wanted, -most, most))
+    result = np.empty(6)
+    _hold(robot.flat, rules, (position, rpy), robot.base.R @ robot.base.omega, result)
+    return result
+
+
+@jit
+def _hold(
+    robot: np.ndarray,
+    rules: np.ndarray,
+    pose: tuple[np.ndarray, np.ndarray],
+    spin: np.ndarray,
+    result: np.ndarray,
+) -> None:
+    """Write `base_acceleration` of a base that turns at `spin` (3,) [rad/s], world axes."""
+    base, own, (position, rpy) = robot[0].base, rules[0].balance, pose
+    turn = rotation_error(rpy, base.R)
+    for k in range(3):
+        error = position[k] - base.position[k]
+        linear = own.position_gains[k] * error - own.velocity_gains[k] * base.velocity[k]
+        angular = own.rotation_gains[k] * turn[k] - own.rate_gains[k] * spin[k]
+        result[k] = min(max(linear, -own.acceleration_max), own.acceleration_max)
+        result[3 + k] = min(max(angular, -own.rotation_max), own.rotation_max)
 
 
 def standing_forces(weight: float, is_stance: np.ndarray) -> np.ndarray:
     """Weight [N] shared evenly by the standing feet, shape (4, 3), world axes."""
     forces = np.zeros((4, 3))
-    forces[is_stance, 2] = weight / max(int(is_stance.sum()), 1)
+    forces[:, 2] = weight / max(is_stance.tolist().count(True), 1) * is_stance
     return forces
 
 

@@ -157,9 +157,8 @@ class Locomotion:
             acceleration = self._tracking.acceleration(state, reference, self._forces)
         else:
             self._forces = standing_forces(GRAVITY * state.mass, self.is_stance)
-            acceleration = base_acceleration(
-                self._params.balance, state.base, reference.position, reference.rpy
-            )
+            pose = reference.position, reference.rpy
+            acceleration = base_acceleration(self.rules, state, *pose)
             self._since_solution = math.inf
         task = WholeBodyTask(
             acceleration, self.is_stance, self._forces, swing.acceleration, self.frame()
@@ -207,12 +206,8 @@ class Locomotion:
 
     def _is_unsteady(self, state: RobotState) -> bool:
         """Whether it was pushed, or feet and base are not yet where they rest well."""
-        speed = math.hypot(float(state.base.velocity[0]), float(state.base.velocity[1]))
-        nominal = self._footprint() @ yaw_matrix(float(state.base.rpy[2])).T
-        stray = (state.feet - state.base.position - nominal)[:, :2]
-        distance = math.sqrt(float((stray * stray).sum(axis=1).max()))
         limits = self._rest if self.gait.is_stepping else self._unrest
-        return speed > limits[0] or distance > limits[1]
+        return _is_beyond(state.flat, self.rules, self.schedule.footprint, limits)
 
     def _footprint(self) -> np.ndarray:
         """Where feet stand below a base at rest, yaw frame (4, 3) [m]."""
@@ -288,6 +283,27 @@ class Locomotion:
         feet = here, self._footprint(), com @ Rz
         _place_arms(feet, (stance, phase), times, moves, arms)
         return stance, arms
+
+
+@jit
+def _is_beyond(
+    robot: np.ndarray,
+    rules: np.ndarray,
+    footprint: tuple[float, float],
+    limits: tuple[float, float],
+) -> bool:
+    """Whether the base is faster [m/s], or a foot farther from its place [m], than `limits`."""
+    base, feet, nominal = robot[0].base, robot[0].feet, rules[0].nominal
+    length, width = footprint
+    fastest, farthest = limits
+    if math.hypot(base.velocity[0], base.velocity[1]) > fastest:
+        return True
+    for leg in range(4):
+        x, y = turned(length * nominal[leg, 0], width * nominal[leg, 1], base.rpy[2])
+        x, y = feet[leg, 0] - base.position[0] - x, feet[leg, 1] - base.position[1] - y
+        if math.hypot(x, y) > farthest:
+            return True
+    return False
 
 
 @jit

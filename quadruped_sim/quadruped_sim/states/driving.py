@@ -103,9 +103,8 @@ class State(ABC):
         The other feet are led to `feet` (4, 3), world [m]. Level ground is taken.
         """
         scale = self._parts.model.scale
-        acceleration = base_acceleration(
-            self._parts.params.balance, robot.base, position, np.array((0.0, 0.0, yaw))
-        )
+        rules, level = self._parts.locomotion.rules, np.array((0.0, 0.0, yaw))
+        acceleration = base_acceleration(rules, robot, position, level)
         stiffness, damping = _FOOT_GAINS[0] * scale.of('1/s^2'), _FOOT_GAINS[1] * scale.of('1/s')
         led = stiffness * (feet - robot.feet) - damping * foot_velocities(robot.flat)
         return self._by_forces(robot, acceleration, is_stance, led)
