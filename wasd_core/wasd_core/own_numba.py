@@ -21,17 +21,21 @@ from wasd_core.ownership import others_can_write
 
 def _import_numba() -> None:
     """Import numba; where another has done so before, have it forget the current folder's file."""
-    yaml = sys.modules.get('yaml')
+    modules: Any = sys.modules
+    kept = {name: modules.get(name) for name in ('yaml', 'coverage')}
     # Without yaml numba cannot read the file. It would warn where there is one.
-    sys.modules['yaml'] = None  # type: ignore[assignment]
+    modules['yaml'] = None
+    # It looks for what measures coverage: nothing does that has not been loaded yet.
+    modules.setdefault('coverage', None)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings('ignore', module='numba.core.config')
             from numba.core import config
     finally:
-        del sys.modules['yaml']
-        if yaml is not None:
-            sys.modules['yaml'] = yaml
+        for name, module in kept.items():
+            del modules[name]
+            if module is not None:
+                modules[name] = module
     config._config_fname = ''
     config.reload_config()
 
