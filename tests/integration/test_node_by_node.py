@@ -195,13 +195,13 @@ def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench, is_ba
             left -= 1
             bench.type('key_publisher', 'w')
 
-    bench.until(lambda: watcher.place.x > 0.2, push)
+    bench.until(lambda: watcher.place.x > 0.1, push)
     bench.press('2', 'fixed stand')
     if not is_backward:  # else mbot's keys come so, too
         bench.press('5', 'move base')
         start = watcher.place.x
         bench.until(
-            lambda: watcher.place.x > start + 0.2, lambda: bench.type('key_publisher', 'i')
+            lambda: watcher.place.x > start + 0.1, lambda: bench.type('key_publisher', 'i')
         )
         bench.press('2', 'fixed stand')
     assert_all_is_well(bench)
@@ -224,7 +224,7 @@ def drive_wheels(bench):
     start = bench.watcher.place
     (keyboard,) = bench.started.keys() & set(KEYBOARDS)
     bench.until(
-        lambda: abs(bench.watcher.place.x - start.x) > 0.15, lambda: bench.type(keyboard, 'i')
+        lambda: abs(bench.watcher.place.x - start.x) > 0.05, lambda: bench.type(keyboard, 'i')
     )
 
 
@@ -244,4 +244,4 @@ def drive_to_goal(bench, spawn):
             due = bench.watcher.time + 5
             goals.publish(goal)
 
-    bench.until(lambda: bench.watcher.place is not None and bench.watcher.place.x > 0.2, send)
+    bench.until(lambda: bench.watcher.place is not None and bench.watcher.place.x > 0.05, send)

@@ -123,8 +123,8 @@ def assert_it_trots(watcher):
     for _ in range(3):
         watcher.stick('w')
     start = watcher.place
-    watcher.until(lambda: watcher.place[0] - start[0] > 0.2)
-    assert abs(watcher.place[1] - start[1]) < 0.2
+    watcher.until(lambda: watcher.place[0] - start[0] > 0.1)
+    assert abs(watcher.place[1] - start[1]) < 0.1
 
 
 def assert_it_goes_on_after_each_stop(watcher, legs):
