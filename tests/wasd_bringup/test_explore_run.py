@@ -11,14 +11,14 @@ from wasd_cockpit.link import Order
 
 pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(240.0)]
 
-# A room of 5 x 3 m with a wall that reaches half across.
+# A room of 3.6 x 3 m with a wall that reaches half across.
 ROOM = """<mujoco><worldbody>
 <geom name="floor" type="plane" size="0 0 0.05" friction="1 0.02 0.001"/>
-<geom type="box" pos="1.5 1.55 0.4" size="2.6 0.05 0.4"/>
-<geom type="box" pos="1.5 -1.55 0.4" size="2.6 0.05 0.4"/>
+<geom type="box" pos="0.8 1.55 0.4" size="1.9 0.05 0.4"/>
+<geom type="box" pos="0.8 -1.55 0.4" size="1.9 0.05 0.4"/>
 <geom type="box" pos="-1.05 0 0.4" size="0.05 1.6 0.4"/>
-<geom type="box" pos="4.05 0 0.4" size="0.05 1.6 0.4"/>
-<geom type="box" pos="2 0.75 0.4" size="0.05 0.8 0.4"/>
+<geom type="box" pos="2.65 0 0.4" size="0.05 1.6 0.4"/>
+<geom type="box" pos="1.4 0.75 0.4" size="0.05 0.8 0.4"/>
 </worldbody></mujoco>"""
 
 
@@ -65,7 +65,7 @@ def test_it_sees_the_whole_room_and_comes_back(run):
     assert not unit.is_exploring
     assert math.hypot(*run.world.base().position[:2]) < 0.15
     grid = unit.navigator.grid
-    for place in ((3.5, 1.0), (3.5, -1.0), (0.0, 1.0), (-0.5, -1.0)):
+    for place in ((2.3, 1.0), (2.3, -1.0), (0.0, 1.0), (-0.5, -1.0)):
         row, column = grid.to_cells(run.world.base().position[None, :2] * 0.0 + place)[0]
         assert grid.cells[row, column] == 0, place
 

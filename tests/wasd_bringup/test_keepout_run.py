@@ -81,13 +81,15 @@ def test_a_robot_that_stands_inside_leaves_by_the_nearest_edge(make):
 
 
 def test_exploring_keeps_out(make):
-    area = (0.5, -3.0, 3.0, 3.0)
-    run = make(area, explore=True)
+    areas = ((0.5, -3.0, 3.0, 3.0), (-3.0, -3.0, 3.0, -1.0))
+    run = make(*areas, explore=True)
     unit = run.navigations[0].unit
     drive(run, 1.0)
     places = drive(run, 150.0, lambda: not unit.is_exploring)
     assert not unit.is_exploring
-    assert not inside(places, area).any()
+    assert np.ptp(places, axis=0).max() > 0.5
+    for area in areas:
+        assert not inside(places, area).any()
 
 
 def test_a_mask_that_is_none_is_refused_in_a_line(tmp_path):

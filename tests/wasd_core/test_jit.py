@@ -12,7 +12,6 @@ import subprocess
 import sys
 from typing import Any
 
-import kernel_user
 import pytest
 from terminals import PATIENCE
 
@@ -53,6 +52,8 @@ class Kernels:
 
     def start(self, place: str = '.') -> Connection:
         """Start a process that has loaded the kernel, from a folder, and waits."""
+        import kernel_user  # which compiles: not in each worker, before its first test
+
         talk, theirs = self._forks.Pipe()
         words = (self.folder / place, self.environment, self.errors, theirs)
         self._forks.Process(target=kernel_user.use, args=words, daemon=True).start()
@@ -98,9 +99,9 @@ class Kernels:
 def forks():
     """Return how processes are forked of one that has loaded numba."""
     context = multiprocessing.get_context('forkserver')
-    context.set_forkserver_preload([kernel_user.__name__])
+    context.set_forkserver_preload(['kernel_user'])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('PYTHONPATH', str(Path(kernel_user.__file__).parent), prepend=os.pathsep)
+        patch.setenv('PYTHONPATH', str(Path(__file__).parents[1]), prepend=os.pathsep)
         forkserver.ensure_running()
     return context
 

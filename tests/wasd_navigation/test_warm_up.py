@@ -19,6 +19,8 @@ from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid
 from wasd_navigation.se2 import compose
 
+from wasd_navigation import parts
+
 # Each compiles, or reads what was compiled.
 pytestmark = pytest.mark.slow
 
@@ -38,6 +40,7 @@ def make_anew(settings: NavigatorParameters) -> tuple[Locator, Driver, Callable[
     for function in compiled_functions():  # by other tests
         function._reset_overloads()
         function.overloads.clear()
+    parts._warm.clear()
     locator, pilot = make_parts(settings, lambda words: None)
     before = {function: set(function.signatures) for function in compiled_functions()}
 
@@ -45,6 +48,15 @@ def make_anew(settings: NavigatorParameters) -> tuple[Locator, Driver, Callable[
         return [f.__name__ for f in compiled_functions() if set(f.signatures) - before[f]]
 
     return locator, pilot, compiled_since
+
+
+def test_what_is_warm_is_not_warmed_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(parts, '_warm', set())
+    monkeypatch.setattr(parts, 'warm_up', lambda locator, pilot: said.append(str(locator)))
+    for name in ('round', 'round', 'long', 'round'):
+        make_parts(NavigatorParameters(**SIZES[name]), lambda words: None)
+    assert len(said) == len(SIZES)
 
 
 @pytest.mark.parametrize('size', SIZES)

@@ -55,9 +55,9 @@ def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Part
             )
     with before_each_compilation(_Notice(say)):
         if grid is not None:
-            warm_up(Localizer(_draw_room(), mapping), make_pilot(settings))
+            _warm_up_once(Localizer(_draw_room(), mapping), settings)
         if grid is None or session is not None:
-            warm_up(Mapper(mapping), make_pilot(settings))
+            _warm_up_once(Mapper(mapping), settings)
     locator: Locator = Mapper(mapping) if grid is None else Localizer(grid, mapping)
     if session is not None:
         locator = ContinuedMapper(session, mapping)
@@ -82,6 +82,19 @@ def make_keepout(settings: NavigatorParameters) -> Keepout | None:
 def make_pilot(settings: NavigatorParameters) -> Driver:
     """Return what drives."""
     return Driver(settings.limits, settings.footprint, settings.planning)
+
+
+# What this process has warmed up.
+_warm: set[Any] = set()
+
+
+def _warm_up_once(locator: Locator, settings: NavigatorParameters) -> None:
+    """Warm up, but not again what differs in nothing: a second robot, the next run."""
+    driven = (settings.limits, settings.footprint, settings.planning)
+    key = (type(locator), settings.mapping, *driven)
+    if key not in _warm:
+        warm_up(locator, make_pilot(settings))
+        _warm.add(key)
 
 
 def warm_up(locator: Locator, pilot: Driver) -> None:
