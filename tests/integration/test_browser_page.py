@@ -60,7 +60,7 @@ def test_mbot_is_seen_moving_without_an_error_and_without_panels_that_cannot_be_
     run_with_page: Callable[..., Any], browser: Any, picture: Picture, tmp_path: Path
 ) -> None:
     (tmp_path / 'circle.txt').write_text('0 0.15 0 0.5')
-    run = run_with_page('mbot', '--twist', 'circle.txt', '--duration', '300')
+    run = run_with_page('mbot', '--no-ros', '--twist', 'circle.txt', '--duration', '300')
     console = open_page(browser, run.url, spares=True)
     first = wait_for_robot(picture)
     time.sleep(1.0)
@@ -87,7 +87,8 @@ def see_a_slow_browser_not_be_sent_panels_that_it_cannot_show(browser: Any) -> N
 def test_a_key_that_is_held_ends_where_its_page_is_left_and_with_the_browser(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
-    run = run_with_page('mbot', '--save-keys', 'keys.txt', '--report', 'report.json')
+    saves = ('--save-keys', 'keys.txt', '--report', 'report.json')
+    run = run_with_page('mbot', '--no-ros', *saves)
     open_page(browser, run.url, spares=True)
     skip_unless_alive(browser)
     saved = tmp_path / 'keys.txt'
