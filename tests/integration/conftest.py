@@ -172,13 +172,13 @@ def run_with_page(environment: dict[str, str], tmp_path: Path) -> Iterator[Calla
     """Return a function that starts `wasd ROBOT --viewer web` and waits for its page."""
     pages: list[Page] = []
 
-    def start(robot: str, *arguments: str) -> Page:
+    def start(robot: str, *arguments: str, stdin: int = subprocess.DEVNULL) -> Page:
         process = programs.start(
             [*WASD, robot, '--viewer', 'web', *arguments],
             env=environment,
             cwd=tmp_path,
             text=True,
-            stdin=subprocess.DEVNULL,
+            stdin=stdin,
             stdout=subprocess.PIPE,
             start_new_session=True,
         )

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page in a real browser: the Go2 is seen with its meshes, stands up, walks, and is driven."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import json
 from pathlib import Path
 import re
+import subprocess
 import time
 from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
-from std_msgs.msg import String
 from terminals import PATIENCE
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
@@ -66,27 +65,6 @@ def wait_for(picture: Picture, condition: Callable[[np.ndarray], bool], what: st
         time.sleep(0.3)
 
 
-@pytest.fixture
-def press(environment: dict[str, str]) -> Iterator[Callable[[str], None]]:
-    """Return a function that presses keys of the run, as another program on its domain."""
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, domain_id=int(environment['ROS_DOMAIN_ID']))
-    node = rclpy.create_node('presser', context=context)
-    publisher = node.create_publisher(String, 'keys', 100)
-
-    def publish(keys: str) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not publisher.get_subscription_count():
-            assert time.monotonic() < deadline, 'nobody listens to keys'
-            time.sleep(0.05)
-        for key in keys:
-            publisher.publish(String(data=key))
-
-    yield publish
-    node.destroy_node()
-    context.try_shutdown()
-
-
 def tap(browser: Any, key: str) -> None:
     """Press a key of the browser for 0.15 s."""
     ActionChains(browser).key_down(key).pause(0.15).key_up(key).perform()
@@ -117,10 +95,15 @@ def test_the_go2_is_seen_standing_up_and_walking_and_a_tap_is_a_step(
     run_with_page: Callable[..., Any],
     browser: Any,
     picture: Picture,
-    press: Callable[[str], None],
     tmp_path: Path,
 ) -> None:
-    run = run_with_page('go2', '--report', 'report.json', '--save-keys', 'keys.txt')
+    words = ('--no-ros', '--report', 'report.json', '--save-keys', 'keys.txt')
+    run = run_with_page('go2', *words, stdin=subprocess.PIPE)
+
+    def press(keys: str) -> None:
+        run.process.stdin.write(keys)
+        run.process.stdin.flush()
+
     console = open_page(browser, run.url, spares=True)
     lying = wait_for(picture, lambda image: is_dog(image).mean() > 0.005, 'the dog')
     press('2')
