@@ -66,7 +66,7 @@ def test_a_launched_robot_maps_and_drives_to_a_goal(
 
     # The first start ever compiles the navigator.
     spin_until(spawn.pump, lambda: maps and places, timeout=240.0, step=look)
-    spin_until(spawn.pump, lambda: places[-1] > 0.2, step=ask)
+    spin_until(spawn.pump, lambda: places[-1] > 0.05, step=ask)
     for process in launched:
         process.send_signal(signal.SIGINT)
     for process in launched:

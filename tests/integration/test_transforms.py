@@ -47,7 +47,7 @@ MEASURED = {
     'camera/camera_info': CameraInfo,
 }
 # How long the late one listens [simulated s], and how late it is at least [wall s].
-LISTENED, LATE = 2.0, 0.5
+LISTENED, LATE = 1.2, 0.5
 
 
 def tick(stamp: Any) -> int:

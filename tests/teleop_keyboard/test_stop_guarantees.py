@@ -203,7 +203,7 @@ def test_without_a_terminal_on_its_input_it_takes_the_controlling_one(pty_proces
         'import signal, subprocess, sys; signal.signal(signal.SIGINT, lambda *_: None);'
         'sys.exit(subprocess.call([sys.executable, *sys.argv[1:]], stdin=subprocess.DEVNULL))'
     )
-    process = pty_process('-c', inner, *TELEOP)
+    process = pty_process('-S', '-c', inner, *TELEOP)
     listener.probe(process)
     listener.drive(process, b'i')
     process.type(b'\x03')
