@@ -51,7 +51,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     folder = share_directory('example-robot-data') / 'robots'
     names = list(ROBOTS)[:QUICK_ROBOTS] if quick else list(ROBOTS)
     files = {name: folder / ROBOTS[name] for name in names}
-    files |= {Path(path).name: Path(path).absolute() for path in more}
+    files |= {path: Path(path).absolute() for path in more}
     rows: dict[str, Row] = {}
     experiments: dict[str, Experiment] = {}
     for name, path in files.items():
@@ -75,7 +75,7 @@ def skipped(name: str, reason: str) -> Row:
 
 def rise(name: str, path: Path, chosen: Sequence[int]) -> Experiment:
     """Return the experiment of one robot that lies anyhow and is to get up within a Go2's 16 s."""
-    scale = scale_of(read_description(path).quadruped)
+    scale = scale_at(path)
     how = {'description': str(path), 'scale': scale, 'patience': 16.0, 'share': 0.9}
     return get_up(f'{name}, any pose', 'flat', 0.0, chosen, **how)
 
@@ -83,6 +83,16 @@ def rise(name: str, path: Path, chosen: Sequence[int]) -> Experiment:
 def what(name: str) -> str:
     """Return the heading of a robot's row."""
     return f'quadruped {name}: 10 s ahead, sideways, on the spot'
+
+
+def scale_at(path: Path) -> Scale:
+    """
+    Return the size of a robot.
+
+    Raises:
+        UserError: its description is missing or no quadruped.
+    """
+    return scale_of(read_description(path).quadruped)
 
 
 def walk(name: str, path: Path, chosen: Sequence[int]) -> Experiment:
@@ -94,7 +104,7 @@ def walk(name: str, path: Path, chosen: Sequence[int]) -> Experiment:
     """
     if not path.is_file():
         raise UserError(f'{path.name} is not installed')
-    scale = scale_of(read_description(path).quadruped)
+    scale = scale_at(path)
     script, spans = walk_script(scale)
     end = spans[-1][2]
     runs = [Run(seed=seed, twist=script, duration=end, description=str(path)) for seed in chosen]

@@ -195,6 +195,10 @@ def run(parser: argparse.ArgumentParser) -> int:
     arguments = parser.parse_args()
     if arguments.picture is not None:
         return draw(parser, arguments)
+    if arguments.description and arguments.part not in (None, 'quadrupeds'):
+        parser.error(f'--description is of quadrupeds, not of {arguments.part}')
+    for path in arguments.description:
+        quadrupeds.scale_at(Path(path))
     if arguments.write and arguments.description:
         parser.error('--write is of our robots: leave out --description')
     if arguments.file and (arguments.part != 'policy' or len(arguments.file) > 2):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 import pytest
+from robot_description.packages import share_directory
 from wasd_core.extras import install_line
 
 BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
@@ -101,6 +102,8 @@ def test_without_the_extra_a_cluster_is_refused_in_a_line(
     [
         (['legs', '--only', 'flying'], "--only 'flying': no row of legs has that in its name"),
         (['mbot', '--only', 'stairs'], '--only is of legs and of sight'),
+        (['mbot', '--description', 'dog.urdf'], '--description is of quadrupeds, not of mbot'),
+        (['quadrupeds', '--description', 'no/dog.urdf'], 'no/dog.urdf: no such file'),
         (['flying'], "invalid choice: 'flying'"),
         (['policy', 'nowhere.onnx'], 'nowhere.onnx: no such file'),
         (['mbot', '--json', 'no/where.json'], '--json no/where.json: wanted a file in a folder'),
@@ -118,6 +121,25 @@ def test_what_cannot_be_measured_is_refused_in_a_line_before_it_begins(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('error: ')
     assert said in line
+
+
+@pytest.mark.slow
+def test_robots_whose_files_have_one_name_have_rows_of_their_own(
+    bench: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    quadrupeds = bench('quadrupeds')
+    a1 = share_directory('example-robot-data') / 'robots' / quadrupeds.ROBOTS['a1']
+    paths = [str(tmp_path / name / 'dog.urdf') for name in ('one', 'other')]
+    for path in map(Path, paths):
+        path.parent.mkdir()
+        path.write_text(a1.read_text())
+    monkeypatch.setattr(quadrupeds, 'more', paths)
+    monkeypatch.setattr(quadrupeds, 'ROBOTS', {})
+    failed = bench('trials').RunFailed('not today')
+    monkeypatch.setattr(quadrupeds, 'simulate_all', lambda runs, note: dict.fromkeys(runs, failed))
+    rows = quadrupeds.measure(True, str)
+    for path in paths:
+        assert sum(path in row.what for row in rows) == 2
 
 
 def test_rows_of_the_legs_are_chosen_by_their_names(bench: Any) -> None:
