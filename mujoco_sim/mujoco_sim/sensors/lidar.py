@@ -174,6 +174,7 @@ class Lidar:
         self._directions = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)))
         self._hits = np.empty(tag.samples, dtype=np.int32)
         self._distances = np.empty(tag.samples)
+        self._normal = np.empty(3)  # of what a ray hits
         self._glass = _find_glass(self._model)
         self._turned = np.full(tag.samples, np.inf)  # ranges of this revolution
         self._count = 0  # of them are measured
@@ -258,12 +259,13 @@ class Lidar:
 
     def _cast_one(self, data: mujoco.MjData, begin: np.ndarray, along: np.ndarray) -> float:
         """Return how far a ray goes to what is not glass, or is a mirror to it [m]; maybe inf."""
-        hit, normal, way = np.empty(1, dtype=np.int32), np.empty(3), 0.0
+        hit, normal, way = self._hits[:1], self._normal, 0.0
+        place = begin
         for _ in range(MOST_PANES):
             distance = mujoco.mj_ray(
                 self._model,
                 data,
-                begin + way * along,
+                place,
                 along,
                 SEEN_GROUPS,
                 True,
@@ -277,6 +279,7 @@ class Lidar:
             if not self._glass[hit[0]] or abs(float(normal @ along)) > math.cos(MIRROR):
                 return way
             way += BEHIND
+            place = begin + way * along
         return math.inf
 
     def scan(self, random: Random) -> np.ndarray:
