@@ -197,8 +197,8 @@ class Actuation:
                 self.brake()
                 return False
             self._stacked = stacked
-            can_change = getattr(command[0], 'flags', np.ones(1).flags).writeable
-            self._told = None if can_change else command
+            flags = getattr(command[0], 'flags', None)  # a list has none, and can change
+            self._told = command if flags is not None and not flags.writeable else None
         # A state that holds still sends the same command each tick: it is queued once.
         coming = self._pending[-1][1] if self._pending else self._in_force
         if self._stacked is not coming:
