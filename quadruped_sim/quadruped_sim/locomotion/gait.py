@@ -68,6 +68,7 @@ class Gait:
         """Take other parameters, from the next step."""
         self.params = params
         self._followed: tuple[float, float, bool, GaitRow] | None = None
+        self._resting: GaitState | None = None  # the schedule of legs that rest, once it is asked
 
     def reset(self) -> None:
         """Stand on four feet; the first step of a trot will lift FR and RL."""
@@ -163,7 +164,7 @@ class Gait:
         asked = None if reached is None else (speed, more, wants_steps, reached)
         if asked is not None and asked == self._followed:
             return  # as in the tick before
-        self._followed = asked
+        self._followed, self._resting = asked, None
         params = self.params
         self._pace = share = self._pace_of(speed + more)
         period, longer, *footprint = self._shape.tolist()
@@ -187,7 +188,9 @@ class Gait:
         stance_time = self._duty * self._period
         rest = stance_time, self._period - stance_time, self._pace, self._footprint
         if not self.is_stepping:
-            return GaitState(np.ones(4, dtype=bool), np.full(4, 0.5), *rest)
+            if self._resting is None:
+                self._resting = GaitState(np.ones(4, dtype=bool), np.full(4, 0.5), *rest)
+            return self._resting
         legs, duty = self._leg_phases(), self._duty
         phase = [leg / duty if leg < duty else (leg - duty) / (1.0 - duty) for leg in legs]
         return GaitState(np.array([leg < duty for leg in legs]), np.array(phase), *rest)
