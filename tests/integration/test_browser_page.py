@@ -139,6 +139,29 @@ def see_a_key_that_is_held_drive_and_end_with_the_browser(browser: Any, saved: P
     assert saved.read_text() == said
 
 
+def test_a_second_finger_presses_the_e_stop_while_the_first_is_down(
+    run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
+) -> None:
+    def touch(what: str, *places: tuple[int, int]) -> None:
+        points = [{'x': x, 'y': y, 'id': number} for number, (x, y) in enumerate(places)]
+        words = {'type': what, 'touchPoints': points}
+        browser.execute_cdp_cmd('Input.dispatchTouchEvent', words)
+
+    run = run_with_page('mbot', '--no-ros', '--save-keys', 'keys.txt')
+    browser.execute_cdp_cmd(
+        'Emulation.setTouchEmulationEnabled', {'enabled': True, 'maxTouchPoints': 2}
+    )
+    open_page(browser, run.url, spares=True, is_blind=True)
+    skip_unless_alive(browser)
+    scene, e_stop = (300, 200), (60, 70)
+    touch('touchStart', scene)
+    time.sleep(1.0)
+    touch('touchStart', scene, e_stop)
+    with judged_while_alive(browser):
+        wait_for_key(tmp_path / 'keys.txt', 'ESC')
+    touch('touchEnd')
+
+
 def test_without_ros_the_page_answers_this_machine_only_and_a_second_run_takes_the_next_port(
     run_with_page: Callable[..., Any],
 ) -> None:

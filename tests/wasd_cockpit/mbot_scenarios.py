@@ -96,6 +96,18 @@ def scenario_a_stick_of_a_silent_page_is_let_go(page: Page) -> None:
     page.puppet.let_go()
 
 
+def scenario_a_stick_that_moves_away_below_the_finger_is_let_go(page: Page) -> None:
+    width, height = page.puppet.size
+    hold_stick(page)
+    since = page.session.world.time
+    page.puppet.size = (width - 60, height - 90)
+    page.wait(1.0)
+    assert last_command(page, since) <= STICK_PROOF + STOP_TIME
+    page.puppet.let_go()
+    page.puppet.size = (width, height)
+    page.puppet.draw()
+
+
 def scenario_a_stick_that_is_held_over_an_e_stop_stays_still_though_the_page_is_late(
     page: Page,
 ) -> None:

@@ -172,11 +172,14 @@ class Cockpit:
         page.held = page.push = None
         page.snapshot = page.link.snapshot
         size = imgui.GetIO().DisplaySize
-        page.layout.resize(size.x, size.y)
+        is_moved = page.layout.resize(size.x, size.y)
         # No button is held that ImGui has down since before a silence, whose end it hears of a
-        # frame late, and none clicks since before a loss.
+        # frame late, and none clicks since before a loss. As lost counts a page whose panels move
+        # away below the finger.
         before, self._began = self._began, time.monotonic()
         silence = max(self._began - before if self._is_down else 0.0, page_input.silence)
+        if is_moved:
+            silence = math.inf
         self._is_down = bool(imgui.IsAnyMouseDown())
         self._silence = max(silence, self._silence) if self._is_down else silence
         page.is_live, page.is_there = self._silence <= SILENCE, self._silence <= LOSS

@@ -42,10 +42,10 @@ class Layout:
         self._size = (0.0, 0.0)
         self._place_of: dict[str, Place] = {}
 
-    def resize(self, width: float, height: float) -> None:
-        """Take the size of the page [pixels]."""
+    def resize(self, width: float, height: float) -> bool:
+        """Take the size of the page [pixels]; return whether it is another one."""
         if (width, height) == self._size:
-            return
+            return False
         self._size = (width, height)
         if self.is_desk:
             right = width - RIGHT_WIDTH
@@ -63,6 +63,7 @@ class Layout:
             order = ('drive', 'robot', 'map', 'eyes', 'plots', 'view', 'keys', 'world')
             self.places = (Place(Rect(0.0, top, width, height), order),)
         self._place_of = {panel: place for place in self.places for panel in place.panels}
+        return True
 
     @property
     def is_hidden(self) -> bool:

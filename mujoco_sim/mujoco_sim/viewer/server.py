@@ -40,7 +40,8 @@ _TEXT_PAGE = b"""<!doctype html><html lang="en"><head><meta charset="utf-8">
 <body style="background:#17191f;color:#e0e5ec"><pre style="font-size:18px">%s</pre></body></html>
 """
 # A phone's pixels are as large as it says: else all is half as large. What leaves the page forgets
-# its keys: the repeat of one that is still down is no press.
+# its keys: the repeat of one that is still down is no press. Studio follows the first of several
+# fingers: it is told that it left when another comes, which may mean the E-STOP.
 _HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-scale=1"><script>{
   const down = new Set();
   const forget = () => down.clear();
@@ -49,6 +50,12 @@ _HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-sca
   addEventListener('keydown', event => {
     if (!event.repeat) down.add(event.code);
     else if (!down.has(event.code)) event.stopImmediatePropagation();
+  }, true);
+  addEventListener('touchstart', event => {
+    const come = [...event.changedTouches].map(touch => touch.identifier);
+    const older = [...event.touches].filter(touch => !come.includes(touch.identifier));
+    if (older.length) event.target.dispatchEvent(
+      new TouchEvent('touchend', {cancelable: true, changedTouches: older}));
   }, true);
 }</script>"""
 _LOG = logging.getLogger(__name__)
