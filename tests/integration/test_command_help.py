@@ -200,3 +200,11 @@ def test_what_help_and_errors_tell_to_type_is_what_the_user_types(
 
     with pytest.raises(UserError, match=r'\(see: \./wasd go2 --help\)'):
         make_parser().parse_args(['go2', '--no-such-option'])
+
+
+@pytest.mark.parametrize('command', [*ROBOTS, BOTH])
+def test_no_line_of_help_is_wider_than_the_usual_terminal(
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('COLUMNS', '80')
+    assert max(map(len, said([command, '--help'], capsys).splitlines())) <= 80

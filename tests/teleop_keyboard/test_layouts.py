@@ -84,7 +84,7 @@ def test_wasd_keys_prints_a_keymap_for_a_keyboard(capsys):
 def test_wasd_keys_prints_the_go2s_own_keys(capsys):
     assert main(['keys', 'unitree', '--layout', 'dvorak']) == 0
     shown = capsys.readouterr().out
-    assert ',/o forward, backward   a/e left, right   h/n turn   c/t height' in shown
+    assert ',/o forward, back   a/e left, right   h/n turn   c/t height' in shown
     assert 'then ,.' in shown
 
 

@@ -18,10 +18,9 @@ from diff_drive_sim import MODES as DRIVE_MODES
 
 UNITREE_PRESET = 'unitree'
 UNITREE_HELP = (
-    '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
-    '6 get up   7 lie down   {v} jump   3 free stand   0 9 8 tests   {n} next gait   {e} eyes',
-    '{w}/{s} forward, backward   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height'
-    '   space: centre',
+    '2 stand   4 trot   5 move base (cmd_vel)   1 passive   {e} eyes',
+    '6 get up   7 lie down   {v} jump   3 free stand   0 9 8 tests   {n} next gait',
+    '{w}/{s} forward, back   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height   space: centre',
     'First 2, then 4, then {w}.',
 )
 UNITREE_FIRST_KEYS = (

@@ -28,7 +28,7 @@ BOTH_EXAMPLES = (
     ('both --world room', 'in a room'),
     ('both --record run.mcap', 'record; wasd replay run.mcap shows it'),
 )
-ROS = '--ros-args ... goes to the nodes: -r __ns:=/robot1, -r odom:=wheel_odom, -p name:=value'
+ROS = '--ros-args ... goes to the nodes: -r __ns:=/robot1, -p name:=value'
 
 
 def examples_of(command: str = '') -> Examples:
