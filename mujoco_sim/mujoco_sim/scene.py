@@ -6,6 +6,7 @@ import logging
 import math
 import os
 from pathlib import Path
+import re
 import stat
 from typing import NamedTuple
 import warnings
@@ -286,16 +287,17 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         return
     path = Path(world)
     try:
-        is_file = stat.S_ISREG(os.stat(path).st_mode)
+        mode = os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):
-        is_file = False
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise SimulationError(f'--world {world}: {one_line(error)}') from None
-    if not is_file:
         raise SimulationError(
             f'--world {world}: no such file, and no world of that name; '
             f'worlds: {WORLD_NAMES}, {WORLD_KINDS}{yaml_beside(world)}'
-        )
+        ) from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise SimulationError(f'--world {world}: {one_line(error)}') from None
+    if not stat.S_ISREG(mode):
+        found = 'a folder' if stat.S_ISDIR(mode) else 'a device or pipe'
+        raise SimulationError(f'--world {world}: is {found}, wanted a file')
     if path.suffix.lower() not in WORLD_FILES:
         raise SimulationError(
             f'--world {world}: wanted an MJCF or URDF file, whose name ends in '
@@ -316,7 +318,13 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
             LOGGER.warning('%s: %s', world, ' '.join(str(warning.message).split()))
         spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
     except ValueError as error:
-        raise SimulationError(f'{world}: {one_line(error)}') from None
+        raise SimulationError(f'{world}: {_in_words(one_line(error))}') from None
+
+
+def _in_words(reason: str) -> str:
+    """Return what MuJoCo says of a file, the codes of its XML reader in words."""
+    broken = re.match(r'XML parse error .*Line number=(\d+)', reason)
+    return f'not well-formed XML in UTF-8, line {max(1, int(broken[1]))}' if broken else reason
 
 
 # What a file may have, and its replicate, composite and flexcomp make, one within the other.

@@ -193,3 +193,22 @@ def test_a_world_that_makes_endless_copies_is_refused_at_once(loaded, tmp_path, 
     world.write_text(f'<mujoco>{include}<worldbody>{body}</worldbody></mujoco>')
     with pytest.raises(SimulationError, match='at most 100000 elements and copies, got 100000000'):
         build_world(loaded, str(world))
+
+
+def test_a_world_that_is_there_and_no_file_is_not_called_missing(loaded, tmp_path):
+    os.mkfifo(tmp_path / 'pipe.xml')
+    (tmp_path / 'folder.xml').mkdir()
+    for name, found in (('pipe.xml', 'a device or pipe'), ('folder.xml', 'a folder')):
+        with pytest.raises(SimulationError) as caught:
+            build_world(loaded, str(tmp_path / name))
+        assert str(caught.value) == f'--world {tmp_path}/{name}: is {found}, wanted a file'
+
+
+def test_a_world_that_is_no_xml_is_told_in_words_with_its_line(loaded, tmp_path):
+    path = tmp_path / 'world.xml'
+    cut = MJCF.replace('<worldbody>', '\n<worldbody>').removesuffix('</worldbody></mujoco>')
+    for text, line in ((MJCF.encode('utf-16'), 1), (cut.encode(), 2), (b'\n', 1)):
+        path.write_bytes(text)
+        with pytest.raises(SimulationError) as caught:
+            build_world(loaded, str(path))
+        assert str(caught.value) == f'{path}: not well-formed XML in UTF-8, line {line}'

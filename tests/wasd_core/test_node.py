@@ -263,11 +263,14 @@ def test_malformed_ros_arguments_are_one_line_and_status_2(isolated_ros, capfd, 
     assert rclpy.logging.get_logger_effective_level('rcl') < rclpy.logging.LoggingSeverity.FATAL
 
 
-def test_a_pipe_of_parameters_is_refused_instead_of_waited_for(isolated_ros, capfd, tmp_path):
-    pipe = tmp_path / 'pipe.yaml'
-    os.mkfifo(pipe)
-    assert run_node(Closing, ['--ros-args', '--params-file', str(pipe)]) == 2
-    assert capfd.readouterr().err == f'error: --params-file {pipe}: is a pipe, wanted a file\n'
+def test_a_pipe_or_folder_of_parameters_is_refused_by_name(isolated_ros, capfd, tmp_path):
+    os.mkfifo(tmp_path / 'pipe')
+    (tmp_path / 'folder').mkdir()
+    for kind in ('pipe', 'folder'):
+        path = tmp_path / kind
+        assert run_node(Closing, ['--ros-args', '--params-file', str(path)]) == 2
+        said = f'error: --params-file {path}: is a {kind}, wanted a file\n'
+        assert capfd.readouterr().err == said
 
 
 def test_what_a_shell_substitutes_for_a_file_of_parameters_is_read(isolated_ros):

@@ -149,6 +149,12 @@ def test_a_resolution_with_an_exponent_is_a_number_as_to_map_server(tmp_path: Pa
     assert load_map(tmp_path / 'map.yaml').resolution == 0.05
 
 
+def test_a_map_in_another_encoding_is_told_without_the_words_of_codecs(tmp_path: Path) -> None:
+    (tmp_path / 'map.yaml').write_text(GOOD, encoding='utf-16')
+    with pytest.raises(UserError, match='map.yaml: no YAML: not UTF-8 text$'):
+        load_map(tmp_path / 'map.yaml')
+
+
 def test_a_picture_given_for_its_yaml_names_that(tmp_path: Path) -> None:
     Image.fromarray(np.full((3, 3), 254, dtype=np.uint8)).save(tmp_path / 'm.pgm')
     with pytest.raises(UserError, match='m.pgm: no YAML') as refused:

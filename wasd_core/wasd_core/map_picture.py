@@ -154,7 +154,9 @@ def _read_yaml(path: Path) -> dict[str, Any]:
             return {name: value_of(node) for name, node in children(root).items()}
     except InvalidParameter as error:  # it begins with the line
         raise MapFileError(f'{path}{error}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError:
+        raise MapFileError(f'{path}: no YAML: not UTF-8 text{yaml_beside(path)}') from None
+    except yaml.YAMLError as error:
         raise MapFileError(f'{path}: no YAML: {one_line(error)}{yaml_beside(path)}') from error
     wanted = 'wanted image, resolution and origin of a map'
     raise MapFileError(f'{path}: {wanted}{yaml_beside(path)}')

@@ -122,7 +122,7 @@ def init_ros(
         UserError: arguments after --ros-args that are none, in one line.
     """
     args = list(sys.argv if args is None else args)
-    _refuse_pipes(args)
+    _refuse_folders_and_pipes(args)
     domain_of(os.environ)  # ROS itself says it in words of its own
     middleware = rclpy.get_rmw_implementation_identifier()
     if is_local or not is_sourced(os.environ):
@@ -148,16 +148,18 @@ def init_ros(
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
 
 
-def _refuse_pipes(args: Sequence[str]) -> None:
+def _refuse_folders_and_pipes(args: Sequence[str]) -> None:
     """
-    Refuse a named pipe of parameters: ROS waits for its writer, without end.
+    Refuse a folder of parameters, in whose line 0 ROS finds a mistake, and a named pipe.
 
-    A shell's `<(...)` is none: its writer is there.
+    For the writer of one ROS waits without end. A shell's `<(...)` is none: its writer is there.
     """
     for word, path in zip(args, args[1:], strict=False):
         is_other = word != '--params-file' or path.startswith(OPEN_FILES)
-        if not is_other and os.path.exists(path) and stat.S_ISFIFO(os.stat(path).st_mode):
-            raise UserError(f'--params-file {path}: is a pipe, wanted a file')
+        mode = os.stat(path).st_mode if not is_other and os.path.exists(path) else 0
+        if stat.S_ISFIFO(mode) or stat.S_ISDIR(mode):
+            found = 'folder' if stat.S_ISDIR(mode) else 'pipe'
+            raise UserError(f'--params-file {path}: is a {found}, wanted a file')
 
 
 def _without_log_file(args: Sequence[str], is_local: bool) -> list[str]:
