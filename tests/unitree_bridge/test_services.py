@@ -249,10 +249,10 @@ def test_euler_leans_by_its_angles(standing):
 def test_of_two_calls_one_after_the_other_the_last_counts(standing, first, second, state):
     if first == STAND_UP:
         standing.call('sport', DAMP)
-        standing.run(1.0)
+        standing.run(0.3)
     for api_id in (first, second):
         assert standing.call('sport', api_id)[0] == OK
-    standing.run(2.5)
+    standing.run(1.6)
     assert standing.state == state
 
 
@@ -292,7 +292,7 @@ def test_a_move_that_nobody_repeats_ends_after_a_second(standing):
     standing.run(1.2)
     assert not standing.go2.bridge.motion.is_moving
     before = standing.position
-    standing.run(0.6)
+    standing.run(0.3)
     assert np.abs(standing.position - before)[:2].max() < 0.01
     assert standing.position[2] > 0.2
 
@@ -307,15 +307,15 @@ def test_a_robot_that_lies_does_not_move(rig):
 
 @pytest.mark.slow
 def test_a_robot_that_walks_goes_on_where_it_balances(standing):
-    for _ in range(10):
+    for _ in range(5):
         standing.call('sport', MOVE, noreply=True, x=0.3, y=0.0, z=0.0)
         standing.run(0.1)
     assert standing.state == 'move base'
     standing.call('sport', BALANCE)
-    standing.run(2.0)
+    standing.run(1.2)
     assert standing.state == 'free stand'
     standing.call('sport', MOVE, noreply=True, x=0.0, y=0.0, z=0.5)
-    standing.run(0.5)
+    standing.run(0.3)
     assert standing.state == 'move base'
 
 
@@ -332,7 +332,7 @@ def test_the_slow_speed_level_is_unitree_guide_s(standing):
 
 @pytest.mark.slow
 def test_damp_lets_go_in_the_midst_of_anything(standing):
-    for _ in range(10):
+    for _ in range(5):
         standing.call('sport', MOVE, noreply=True, x=0.5, y=0.0, z=0.0)
         standing.run(0.1)
     standing.call('sport', 1001)
