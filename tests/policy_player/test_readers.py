@@ -100,8 +100,11 @@ def compare(policy, moments, reference) -> None:
 
 
 @pytest.mark.slow
-@for_all('order', [*ORDERS, 'G1'])
-@for_all('length', [0, 4])
+# Each is a process that looks at the network: of what was before, in two orders.
+@for_all(
+    ('order', 'length'),
+    [*((order, 0) for order in [*ORDERS, 'G1']), ('by kind, FR first', 4), ('G1', 4)],
+)
 def test_metadata_of_mjlab(tmp_path, rng, order, length):
     joints = G1_ORDER if order == 'G1' else ORDERS[order]
     count = len(joints)

@@ -147,11 +147,12 @@ def scene(movers):
     ],
 )
 def test_a_robot_drives_only_where_it_can_stop_before_somebody_comes(movers, may_drive):
+    # With all arguments, as the driver calls it: else it is compiled again, for 5 s.
     base = base_of(DriveLimits())
     state = np.array((0.0, 0.0, 0.0, 0.4, 0.0, 0.0))
     asked = np.array((0.4, 0.0, 0.0))
-    assert is_safe(state, asked, scene(movers), base, 0.15) == may_drive
-    assert is_safe(0.0 * state, np.zeros(3), scene(movers), base, 0.0)
+    assert is_safe(state, asked, scene(movers), base, 0.15, False) == may_drive
+    assert is_safe(0.0 * state, np.zeros(3), scene(movers), base, 0.0, False)
 
 
 def test_a_robot_that_is_slow_passes_who_stands():
@@ -160,7 +161,7 @@ def test_a_robot_that_is_slow_passes_who_stands():
     stands = scene(np.array([[0.3, 0.6, 0.0, 0.0, 0.25]]))
     before = scene(np.array([[0.48, 0.0, 0.0, 0.0, 0.25]]))
     asked = np.array((0.1, 0.0, 0.0))
-    assert not is_safe(state, asked, stands, base, 0.15)
+    assert not is_safe(state, asked, stands, base, 0.15, False)
     assert is_safe(state, asked, stands, base, 0.15, True)
     assert not is_safe(state, 4.0 * asked, before, base, 0.15, True)
 
