@@ -58,13 +58,13 @@ def test_one_that_walks_stops_and_stands_and_may_walk_again(model, velocity, see
     dog.stand()
     dog.controller.press('5')
     dog.run(2.0, velocity=velocity)
-    dog.run(4.0, SLOW, velocity)
+    dog.run(2.8, SLOW, velocity)
     assert dog.controller.state == 'fixed stand'
     assert np.linalg.norm(dog.world.base().linear_velocity) < 0.05
     assert dog.world.base().position[2] == pytest.approx(STANDING, abs=0.03)
     assert dog.tilt < UPRIGHT
     assert dog.controller.press('4') == WORDS
-    dog.run(1.0, SLOW)
+    dog.run(0.3, SLOW)
     assert dog.controller.state == 'fixed stand'
     dog.run(0.2)
     assert dog.controller.press('5') is None
@@ -93,7 +93,7 @@ def test_one_that_does_anything_but_stand_stands_again(model, key, after):
     dog.stand()
     dog.controller.press(key)
     dog.run(after)
-    dog.run(4.0, SLOW)
+    dog.run(2.5, SLOW)
     assert dog.controller.state == 'fixed stand'
     assert dog.world.base().position[2] == pytest.approx(STANDING, abs=0.03)
     # Who comes down from a jump that was ended in the air leans on landing, by up to 25 degrees.
@@ -107,7 +107,7 @@ def test_one_that_is_halting_when_readings_become_slow_does_not_fall(model):
     dog.run(2.0, velocity=(2.0, 0.0, 0.0))
     dog.controller.press('2')
     dog.run(0.1)
-    dog.run(4.0, SLOW)
+    dog.run(2.8, SLOW)
     assert dog.controller.state == 'fixed stand'
     assert dog.tilt < UPRIGHT
 

@@ -27,10 +27,10 @@ from wasd_core.topics import EVENTS
 
 pytestmark = pytest.mark.slow
 
-# How each robot is got to move: keys and when they are pressed [s].
+# How each robot is got to move: keys and when they are pressed [s], and how long it moves [s].
 MOVES = {
-    'mbot': ('mbot', 'mbot', []),
-    'go2 trots': ('go2', 'unitree', [(0.0, '2'), (1.6, '4'), *[(2.0, 'w')] * 8]),
+    'mbot': ('mbot', 'mbot', [], 1.2),
+    'go2 trots': ('go2', 'unitree', [(0.0, '2'), (1.2, '4'), *[(1.4, 'w')] * 8], 2.5),
 }
 DOCS = Path(__file__).parents[2] / 'docs/drivers.md'
 # How it is stopped, by a run and the face of its robot.
@@ -59,7 +59,7 @@ class Held:
     """A run in which every source holds what moves the robot, and goes on holding it."""
 
     def __init__(self, move, latched=True):
-        robot, preset, self._keys = MOVES[move]
+        robot, preset, self._keys, self._moves = MOVES[move]
         self.session = make_ros_run(
             RunOptions(
                 robot=robot,
@@ -80,7 +80,7 @@ class Held:
         for when, key in self._keys:
             self.run(when - (self.session.world.time - start), holds=False)
             self.session.press(key)
-        self.run(2.5)
+        self.run(self._moves)
 
     def hold(self):
         """Send what each source sends while it holds."""
@@ -139,7 +139,7 @@ def places_after_a_stop(run, origin, holds):
     assert math.dist(run.place, before) > 0.2
     for release in ('', 'ENTER'):
         run.session.press(release)
-        run.run(2.0, holds=holds)
+        run.run(SILENCE + 0.4, holds=holds)  # what would count again after a silence moves it
         yield run.place.tolist()
 
 

@@ -83,7 +83,7 @@ class Held:
         wanted = {'gallop': StateName.MOVE_BASE, 'SDK velocity': StateName.TROTTING}
         for key in keys_between(StateName.PASSIVE, wanted.get(state, state)):
             self.run.press(key, source)
-            self.pass_time(1.6 if key == '2' else 0.1)
+            self.pass_time(1.1 if key == '2' else 0.1)
         if state == 'gallop':
             self.run.press('N', source)
             self.run.press('N', source)
