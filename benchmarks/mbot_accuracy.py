@@ -125,8 +125,8 @@ def sensors(scans: int) -> list[Row]:
     site = Site(world, loaded.robot)
     lidar = Lidar(lidar_tag, site)
     wall = 0.5 * ROOM_SIZE
-    ray = round((0.0 - lidar_tag.min_angle) / lidar.angle_increment)
-    angle = lidar_tag.min_angle + ray * lidar.angle_increment
+    ray = round((0.0 - lidar_tag.min_angle) / lidar_tag.angle_increment)
+    angle = lidar_tag.min_angle + ray * lidar_tag.angle_increment
     seen = [lidar.scan(np.random.default_rng([11, number]))[ray] for number in range(scans)]
     seen = [length for length in seen if math.isfinite(length)]  # one ray in a hundred is lost
     error = 1e3 * abs(float(np.mean(seen)) - wall / math.cos(angle))

@@ -124,6 +124,11 @@ def test_what_cannot_be_measured_is_refused_in_a_line_before_it_begins(
 
 
 @pytest.mark.slow
+def test_the_sensors_of_mbot_are_measured(bench: Any) -> None:
+    assert bench('mbot_accuracy').sensors(3)[0].passed
+
+
+@pytest.mark.slow
 def test_robots_whose_files_have_one_name_have_rows_of_their_own(
     bench: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
