@@ -221,16 +221,16 @@ def test_node_by_node_a_g1_hangs_on_the_hoist_until_it_stands_and_is_raised_agai
 ):
     rig = Rig(spawn, spin_until, PolicyPlayerNode, 'g1', {'hoist': True}, PERIOD)
     start = rig.world.base().position[2]
-    rig.run(1.0)  # limp
+    rig.run(0.6)  # limp
     assert rig.world.base().tilt < 0.1
     press(rig, '2', 'stand')
-    rig.run(2.0)
+    rig.run(1.0)
     assert hoist(rig, False).message == 'the hoist has let go'
-    rig.run(2.0)
+    rig.run(1.5)
     assert rig.world.base().tilt < 0.1
     assert rig.world.base().position[2] > start - 0.1
     press(rig, '1', 'passive')
-    rig.run(2.5)
+    rig.run(1.2)
     assert rig.world.base().position[2] < start - 0.3
     assert hoist(rig, True).message == 'the hoist holds it'
     rig.run(4.0)

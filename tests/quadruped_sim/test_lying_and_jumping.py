@@ -107,7 +107,7 @@ def test_key_2_folds_legs_first_that_a_level_robot_lies_upon(floor, model, seed)
     assert (robot.motion.position @ robot.base.R[2]).max() > 0.05
     assert dog.controller.press('2') is None
     assert dog.run(4.0, until=lambda: dog.controller.state == 'fixed stand') < 4.0
-    dog.run(2.0)
+    dog.run(1.0)
     assert dog.controller.event is None
     assert dog.controller.robot.is_contact.all()
 
@@ -269,7 +269,7 @@ def test_it_is_let_go_of_near_the_ground_at_less_than_a_tenth_of_a_metre_per_sec
     assert dog.run(3.0, until=lambda: dog.controller.state == 'passive') < 3.0
     assert dog.world.base().position[2] < 0.13
     assert float(dog.world.base().linear_velocity[2]) > -0.1
-    dog.run(1.0)
+    dog.run(0.5)
     assert dog.world.base().position[2] < 0.11
     assert dog.controller.event is None
 

@@ -94,7 +94,7 @@ def begin(tmp_path):
 def by_keys(guarded):
     if guarded.name == 'mbot':
         return lambda: guarded.run.press('i')
-    for key, seconds in (('2', 1.5), ('4', 0.5)):
+    for key, seconds in (('2', 1.2), ('4', 0.1)):
         guarded.run.press(key)
         guarded.go_on(seconds)
     for _ in range(20):
@@ -106,8 +106,8 @@ def by_velocity(source):
     def begin(guarded, speed=1.0):
         if guarded.name == 'go2' and guarded.robot.state != 'move base':
             for key, seconds in (
-                ('2', 1.5 if guarded.robot.state == 'passive' else 1.0),
-                ('5', 0.5),
+                ('2', 1.2 if guarded.robot.state == 'passive' else 1.0),
+                ('5', 0.1),
             ):
                 guarded.run.press(key)
                 guarded.go_on(seconds)
@@ -127,14 +127,14 @@ def test_any_source_that_drives_it_stops_before_the_wall(begin, robot, ways):
     guarded = begin(robot)
     for way in ways:
         # Keys of mbot drive it slowly.
-        guarded.repeat(WAYS[way](guarded), 7.0 if robot == 'mbot' and way == 'keys' else 5.0)
+        guarded.repeat(WAYS[way](guarded), 6.0 if robot == 'mbot' and way == 'keys' else 4.0)
         assert KEPT < guarded.room < 0.2
         assert guarded.robot.drivers.state.guard in ('approach', 'stop')
         assert ' m ahead' in guarded.robot.status().message
         # And away from it again.
         if way != 'keys' or len(ways) > 1:
             source = 'page' if way == 'keys' else way
-            guarded.repeat(by_velocity(source)(guarded, -0.3), 2.0)
+            guarded.repeat(by_velocity(source)(guarded, -0.3), 1.5)
             assert guarded.room > 0.4
             assert guarded.robot.drivers.state.guard == ''
 
@@ -142,7 +142,7 @@ def test_any_source_that_drives_it_stops_before_the_wall(begin, robot, ways):
 @pytest.mark.parametrize('robot', ['mbot', 'go2'])
 def test_without_a_guard_it_drives_into_it(begin, robot):
     guarded = begin(robot, guard=False)
-    guarded.repeat(by_velocity('page')(guarded), 4.0)
+    guarded.repeat(by_velocity('page')(guarded), 3.0)
     assert guarded.room < KEPT
 
 
@@ -151,7 +151,7 @@ def test_far_from_everything_it_drives_as_without_a_guard(begin):
     for guard in (True, False):
         guarded = begin('mbot', guard=guard)
         guarded.go_on(0.4)
-        guarded.repeat(lambda run=guarded: run.robot.drive((-0.5, 0.0, 0.5), 'page'), 3.0)
+        guarded.repeat(lambda run=guarded: run.robot.drive((-0.5, 0.0, 0.5), 'page'), 1.5)
         places.append(guarded.run.world.base().position.copy())
     assert np.array_equal(*places)
 
@@ -164,7 +164,7 @@ def test_weak_motors_stop_a_heavy_robot_before_the_wall(begin, tmp_path, ramp):
     guarded.robot.drive_unit.parameters = guarded.robot.settings.changed(
         {'linear.x.max_acceleration': ramp}
     )
-    guarded.repeat(by_velocity('page')(guarded, 0.5), 15.0)
+    guarded.repeat(by_velocity('page')(guarded, 0.5), 10.0)
     assert KEPT < guarded.room < 0.3
     assert guarded.robot.braking[0] == pytest.approx(0.19, abs=0.01)
     assert guarded.robot.drive_limits['forward_acceleration'] < 0.19
@@ -176,7 +176,7 @@ def test_a_limit_of_jerk_set_while_it_drives_is_braked_by(begin):
     guarded.robot.drive_unit.parameters = guarded.robot.settings.changed(
         {'linear.x.max_jerk': 0.3}
     )
-    guarded.repeat(by_velocity('page')(guarded, 1.0), 15.0)
+    guarded.repeat(by_velocity('page')(guarded, 1.0), 8.0)
     assert KEPT < guarded.room < 0.4
 
 
