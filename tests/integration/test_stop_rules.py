@@ -37,11 +37,11 @@ def test_at_a_metre_a_second_it_stops(walker):
         return math.hypot(*world.base().planar_velocity[:2])
 
     def wait_for_rest():
-        """Let 3 s pass at most, and a little more in which it would go on."""
-        end = world.time + 3.0
-        while speed() >= 0.02 and world.time < end:
+        """Let time pass until it has been at rest for half a second: 3 s at most."""
+        end, rests = world.time + 3.0, 0
+        while rests < 5 and world.time < end:
             advance(0.1)
-        advance(0.5)
+            rests = rests + 1 if speed() < 0.02 else 0
 
     try:
         for way, (stop, left, most) in WAYS.items():
