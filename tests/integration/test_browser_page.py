@@ -142,10 +142,11 @@ def see_a_key_that_is_held_drive_and_end_with_the_browser(browser: Any, saved: P
 def test_a_second_finger_presses_the_e_stop_while_the_first_is_down(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
-    def touch(what: str, *places: tuple[int, int]) -> None:
-        points = [{'x': x, 'y': y, 'id': number} for number, (x, y) in enumerate(places)]
+    def touch(what: str, *places: tuple[int, int], first: int = 0) -> None:
+        points = [{'x': x, 'y': y, 'id': number} for number, (x, y) in enumerate(places, first)]
         words = {'type': what, 'touchPoints': points}
         browser.execute_cdp_cmd('Input.dispatchTouchEvent', words)
+        time.sleep(1.0)
 
     run = run_with_page('mbot', '--no-ros', '--save-keys', 'keys.txt')
     browser.execute_cdp_cmd(
@@ -153,13 +154,25 @@ def test_a_second_finger_presses_the_e_stop_while_the_first_is_down(
     )
     open_page(browser, run.url, spares=True, is_blind=True)
     skip_unless_alive(browser)
-    scene, e_stop = (300, 200), (60, 70)
+    scene, e_stop, saved = (300, 200), (60, 70), tmp_path / 'keys.txt'
     touch('touchStart', scene)
-    time.sleep(1.0)
     touch('touchStart', scene, e_stop)
     with judged_while_alive(browser):
-        wait_for_key(tmp_path / 'keys.txt', 'ESC')
+        wait_for_key(saved, 'ESC')
     touch('touchEnd')
+    see_a_finger_press_no_more_when_the_one_after_it_has_left(touch, saved, e_stop, scene)
+
+
+def see_a_finger_press_no_more_when_the_one_after_it_has_left(
+    touch: Callable[..., None], saved: Path, e_stop: tuple[int, int], scene: tuple[int, int]
+) -> None:
+    touch('touchStart', e_stop)
+    wait_for_key(saved, 'ESC', 2)
+    touch('touchStart', e_stop, scene)
+    touch('touchEnd', scene, first=1)
+    touch('touchMove', (e_stop[0] + 3, e_stop[1]))
+    touch('touchEnd')
+    assert presses(saved).count('ESC') == 2
 
 
 def test_without_ros_the_page_answers_this_machine_only_and_a_second_run_takes_the_next_port(

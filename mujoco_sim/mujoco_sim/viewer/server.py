@@ -41,7 +41,8 @@ _TEXT_PAGE = b"""<!doctype html><html lang="en"><head><meta charset="utf-8">
 """
 # A phone's pixels are as large as it says: else all is half as large. What leaves the page forgets
 # its keys: the repeat of one that is still down is no press. Studio follows the first of several
-# fingers: it is told that it left when another comes, which may mean the E-STOP.
+# fingers: it is told that it left when another comes, which may mean the E-STOP, and came after
+# that. One that it has not heard come would press when the other has left, and it moves.
 _HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-scale=1"><script>{
   const down = new Set();
   const forget = () => down.clear();
@@ -51,12 +52,14 @@ _HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-sca
     if (!event.repeat) down.add(event.code);
     else if (!down.has(event.code)) event.stopImmediatePropagation();
   }, true);
-  addEventListener('touchstart', event => {
+  const tell = (event, what) => {
     const come = [...event.changedTouches].map(touch => touch.identifier);
     const older = [...event.touches].filter(touch => !come.includes(touch.identifier));
     if (older.length) event.target.dispatchEvent(
-      new TouchEvent('touchend', {cancelable: true, changedTouches: older}));
-  }, true);
+      new TouchEvent(what, {cancelable: true, changedTouches: older}));
+  };
+  addEventListener('touchstart', event => tell(event, 'touchend'), true);
+  addEventListener('touchstart', event => tell(event, 'touchstart'));
 }</script>"""
 _LOG = logging.getLogger(__name__)
 
