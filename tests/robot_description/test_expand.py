@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
+import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -318,9 +320,9 @@ def test_a_property_without_its_prefix_is_told_where_it_is_missed(write):
 def test_a_file_of_ours_is_expanded_once_in_a_process_until_a_file_that_it_reads_changes(
     write, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(session, 'OUR_FILES', tmp_path)
     own = '<xacro:arg name="link" default="a"/><link name="$(arg link)"/>'
     path = write(f'{own}<xacro:include filename="part.xacro"/>')
+    monkeypatch.setattr(session, 'OUR_FILES', {path})
     part = write('<link name="one"/>', 'part.xacro')
     first = expand_document(path)
     assert expand_document(path) is first
@@ -331,3 +333,19 @@ def test_a_file_of_ours_is_expanded_once_in_a_process_until_a_file_that_it_reads
     part.unlink()
     with pytest.raises(DescriptionError, match=r'robot\.xacro:.*part\.xacro'):
         expand_document(path)
+
+
+def test_a_file_of_a_user_is_expanded_each_time_also_by_a_path_through_our_folder(
+    write, monkeypatch
+):
+    path = write('<link name="$(optenv WASD_TEST_LINK a)"/>')
+    ours = share_directory('robot_description')
+    around = ours / os.path.relpath(path, ours)
+    for name in 'ab':
+        monkeypatch.setenv('WASD_TEST_LINK', name)
+        assert f'name="{name}"' in expand_document(around).urdf
+
+
+def test_our_files_depend_on_no_environment_and_no_yaml():
+    for path in (share_directory('robot_description') / 'urdf').rglob('*.xacro'):
+        assert not re.search(r'\$\((opt)?env|load_yaml|<xacro:include [^>]*\*', path.read_text())

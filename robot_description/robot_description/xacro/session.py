@@ -10,6 +10,7 @@ from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import check_xml, LocatedError, parse_with_places, Place, read_file
 
 from robot_description.meshes.files import EXTENSIONS
+from robot_description.packages import DESCRIPTIONS
 from robot_description.xacro.processor import describe_document, process, unlisted
 from robot_description.xacro.sandbox import OutOfBounds, run_bounded
 from robot_description.xacro.source import check_format, tidy, WANTED
@@ -17,8 +18,9 @@ from robot_description.xacro.source import check_format, tidy, WANTED
 # How files end that may be too large to be looked into.
 NO_DESCRIPTIONS = (*EXTENSIONS, '.usd', '.usda', '.usdc', '.usdz')
 
-# Of these alone we know that they depend on nothing else than what is read.
-OUR_FILES = Path(__file__).parents[1]
+# Of these alone we know that they depend on nothing else than the XML that is read: no variable of
+# the environment, no YAML.
+OUR_FILES = frozenset(Path(__file__).parents[1] / file for file in DESCRIPTIONS.values())
 
 
 class Expansion(NamedTuple):
@@ -127,7 +129,7 @@ def expand_document(
         DescriptionError: one line with the file and, where there is one, the line.
     """
     session = XacroSession(path, arguments, search)
-    if search or not path.is_relative_to(OUR_FILES):
+    if search or path not in OUR_FILES:
         return session.expand()
     asked = path, tuple(sorted((arguments or {}).items()))
     known, sources = _known.get(asked, (None, {}))
