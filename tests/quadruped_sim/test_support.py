@@ -206,7 +206,7 @@ def test_key_1_at_speed_lowers_the_robot_and_does_not_tip_it(keys):
 def with_a_foot_in_the_air() -> Go2:
     """Return a robot in the step test, found by benchmarks/state_pairs.py."""
     dog = Go2(seed=1000)
-    for seconds, keys in ((0.2, '2'), (UP, '8'), (2.5, 'w*5'), (0.5, 'SPACE')):
+    for seconds, keys in ((0.2, '2'), (3.5, '8'), (2.5, 'w*5'), (0.5, 'SPACE')):
         dog.run(seconds)
         press(dog, keys)
     dog.run(0.7)
@@ -226,7 +226,7 @@ def test_one_that_leans_on_a_leg_as_it_lies_folds_first_and_stands():
     """Straight up it tipped over."""
     dog = with_a_foot_in_the_air()
     dog._robot.legs.controller.e_stop()  # limp at once, on that leg
-    dog.run(1.5)
+    dog.run(2.0)
     assert dog.state == 'passive'
     assert math.degrees(np.abs(dog.truth.rpy[:2]).max()) > 28.0
     dog.press('2')
