@@ -313,18 +313,20 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         # Here, where its mistakes are known to be the file's.
         with warnings.catch_warnings(record=True, action='always') as said:
             surroundings = mujoco.MjSpec.from_file(str(path))
-            surroundings.compile()
+            surroundings.compile().names.decode()
         for warning in said:
             LOGGER.warning('%s: %s', world, ' '.join(str(warning.message).split()))
         spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
+    except UnicodeDecodeError:  # MuJoCo takes no notice of an encoding that a file declares
+        raise SimulationError(f'{world}: a name in it is not UTF-8 text') from None
     except ValueError as error:
         raise SimulationError(f'{world}: {_in_words(one_line(error))}') from None
 
 
 def _in_words(reason: str) -> str:
     """Return what MuJoCo says of a file, the codes of its XML reader in words."""
-    broken = re.match(r'XML parse error .*Line number=(\d+)', reason)
-    return f'not well-formed XML in UTF-8, line {max(1, int(broken[1]))}' if broken else reason
+    words, broken = 'not well-formed XML in UTF-8, line', r"XML parse error .*?number=(\d+)[^']*"
+    return re.sub(broken, lambda found: f'{words} {max(1, int(found[1]))}', reason)
 
 
 # What a file may have, and its replicate, composite and flexcomp make, one within the other.

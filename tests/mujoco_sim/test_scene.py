@@ -212,3 +212,19 @@ def test_a_world_that_is_no_xml_is_told_in_words_with_its_line(loaded, tmp_path)
         with pytest.raises(SimulationError) as caught:
             build_world(loaded, str(path))
         assert str(caught.value) == f'{path}: not well-formed XML in UTF-8, line {line}'
+    outer = tmp_path / 'outer.xml'
+    outer.write_text('<mujoco>\n<include file="world.xml"/></mujoco>')
+    path.write_text(cut)
+    with pytest.raises(
+        SimulationError, match="'not well-formed XML in UTF-8, line 2' Element 'inc"
+    ):
+        build_world(loaded, str(outer))
+
+
+def test_a_name_in_a_world_that_is_not_utf_8_is_told(loaded, tmp_path):
+    path = tmp_path / 'world.xml'
+    declared = '<?xml version="1.0" encoding="latin-1"?>'
+    path.write_bytes((declared + MJCF.replace('crate', 'Tür')).encode('latin-1'))
+    with pytest.raises(SimulationError) as caught:
+        build_world(loaded, str(path))
+    assert str(caught.value) == f'{path}: a name in it is not UTF-8 text'
