@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from quadruped_sim.locomotion import convex_mpc
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc, FrictionPyramids, MpcProblem, QpSolver
 from quadruped_sim.tuning import MpcParameters
 
@@ -144,3 +145,13 @@ def test_a_roll_to_the_right_is_answered_by_the_right_feet():
     pose = np.array((0.2, 0.0, 0.0, 0.0, 0.0, 0.0))
     forces = ConvexMpc(params, INERTIA).solve(problem(params, (True,) * 4, pose=pose))
     assert forces[[1, 3], 2].sum() > forces[[0, 2], 2].sum() + 10.0
+
+
+def test_a_horizon_of_another_length_compiles_nothing_while_it_walks():
+    mpc = ConvexMpc(MpcParameters(), INERTIA)
+    mpc.solve(problem(MpcParameters(), (True,) * 4))
+    compiled = set(convex_mpc._condense.signatures)
+    other = MpcParameters(steps=MpcParameters().steps + 3)
+    mpc.tune(other)
+    assert mpc.solve(problem(other, (True,) * 4)) is not None
+    assert set(convex_mpc._condense.signatures) == compiled

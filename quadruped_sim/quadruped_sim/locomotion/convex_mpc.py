@@ -8,7 +8,7 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 
-from quadruped_sim.algebra import cross3, flatten, plain, rotate
+from quadruped_sim.algebra import cross3, plain, rotate
 from quadruped_sim.tuning import MpcParameters
 
 
@@ -185,7 +185,8 @@ class ConvexMpc:
         rates = np.where(start < end, dt, 0.0)
         pose, rate = np.array(params.pose_weights), np.array(params.rate_weights)
         costs = _squares(poses)[:, :, None] * pose + _squares(rates)[:, :, None] * rate
-        self._horizon = flatten(
+        # Not a flat record: each length of it would be compiled anew, while the robot walks.
+        self._horizon = plain(
             Horizon(poses, rates, costs, pose, rate, self._inverse_inertia, params.force_weight)
         )
 
@@ -215,14 +216,14 @@ def _squares(steps: np.ndarray) -> np.ndarray:
 
 
 @jit
-def _condense(flat_horizon: np.ndarray, problem: MpcProblem, H: np.ndarray, g: np.ndarray) -> None:
+def _condense(horizon: Horizon, problem: MpcProblem, H: np.ndarray, g: np.ndarray) -> None:
     """
     Write Hessian and gradient of the cost of stance forces, in ground axes.
 
     The force of a foot in step s accelerates the body by its columns of B, in that step alone, so
     that H = B' K B + R, with a matrix K_sr of steps s and r that is diagonal.
     """
-    horizon, problem = flat_horizon[0], MpcProblem(*problem)
+    horizon, problem = Horizon(*horizon), MpcProblem(*problem)
     count = len(g)
     B, steps = _input_map(problem, horizon.inverse_inertia, count)
     slope = _slope(problem, horizon)
