@@ -197,8 +197,7 @@ class Actuation:
                 self.brake()
                 return False
             self._stacked = stacked
-            flags = getattr(command[0], 'flags', None)  # a list has none, and can change
-            self._told = command if flags is not None and not flags.writeable else None
+            self._told = command if all(map(_is_fixed, command)) else None
         # A state that holds still sends the same command each tick: it is queued once.
         coming = self._pending[-1][1] if self._pending else self._in_force
         if self._stacked is not coming:
@@ -284,6 +283,11 @@ class Actuation:
 
         torque = self._model.actuator_forcerange[self._motors, 1] * self._strength
         return TorqueSpeedCurve(torque, np.array([limits.get(name, math.inf) for name in names]))
+
+
+def _is_fixed(part: object) -> bool:
+    """Whether a part of a command cannot be written into."""
+    return isinstance(part, np.ndarray) and not part.flags.writeable
 
 
 def _warn(text: str) -> None:

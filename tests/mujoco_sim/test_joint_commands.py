@@ -113,6 +113,17 @@ def test_a_command_that_is_not_finite_is_refused_and_the_motors_brake(world, par
     assert np.isfinite(world.data.qpos).all()
 
 
+def test_a_part_of_a_command_that_is_written_into_counts_though_others_cannot_be(world):
+    command = COMMAND._replace(
+        position=np.broadcast_to(0.0, 2), kp=np.zeros(2), kd=np.zeros(2), effort=np.zeros(2)
+    )
+    world.apply(command)
+    command.effort[:] = 0.1
+    world.apply(command)
+    world.step()
+    np.testing.assert_allclose(world.joints().effort[:2], 0.1)
+
+
 @pytest.mark.parametrize('length', [0, 1, 3])
 def test_a_command_of_the_wrong_length_is_refused(world, length):
     assert not world.apply(JointCommand(*[np.zeros(length)] * 5))
