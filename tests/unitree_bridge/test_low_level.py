@@ -150,7 +150,7 @@ def test_an_e_stop_ends_what_a_program_does_to_the_motors(stood):
     stood.stand_by_motors(1.2)
     assert stood.position[2] > 0.25
     stood.go2.bridge.disarm()
-    stood.run(2.0)
+    stood.run(3.0)
     assert stood.position[2] < 0.15
 
 
