@@ -146,7 +146,7 @@ def test_a_second_finger_presses_the_e_stop_while_the_first_is_down(
         points = [{'x': x, 'y': y, 'id': number} for number, (x, y) in enumerate(places, first)]
         words = {'type': what, 'touchPoints': points}
         browser.execute_cdp_cmd('Input.dispatchTouchEvent', words)
-        time.sleep(1.0)
+        time.sleep(0.5)
 
     run = run_with_page('mbot', '--no-ros', '--save-keys', 'keys.txt')
     browser.execute_cdp_cmd(
