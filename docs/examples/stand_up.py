@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A controller of your own: stands the Go2 up. See docs/write_a_controller.md."""
 
-import contextlib
+import signal
+import threading
 
 import rclpy
 from rclpy.node import Node
@@ -38,9 +39,10 @@ class StandUp(Node):
 
 
 if __name__ == '__main__':
-    # Ctrl-C is Python's: ROS' own would shut down while a message is being answered.
+    # Ctrl-C is heard between two messages: within one, rclpy can make another error of it.
+    is_over = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: is_over.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = StandUp()
-    with contextlib.suppress(KeyboardInterrupt):
-        while True:
-            rclpy.spin_once(node, timeout_sec=0.1)
+    while not is_over.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
