@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Remembers what our own descriptions expand to, and what they are, for whoever loads a robot.
+Remembers what our own descriptions are, and what those of the catalogue expand to.
 
-And what those of the catalogue expand to, each of which several tests read. Each expansion is a
-fork, up to a tenth of a second of a processor where everything is loaded, to parse it takes as
-long again, and tests load the same two robots some thousand times. Lint, and tests of expanding,
-expand by themselves; so does every program that is started from the beginning.
+Several tests read each of the catalogue: an expansion is a fork, up to a tenth of a second of a
+processor where everything is loaded. Of ours the product itself remembers it, but to parse them
+takes as long again, and tests load the same two robots some thousand times. Lint, and tests of
+expanding, expand by themselves; so does every program that is started from the beginning.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from typing import Any
 import robot_description
 
 OURS = Path(robot_description.__file__).parent / 'urdf'
-READ_OFTEN = (OURS, Path(__file__).parent / 'catalogue')
+CATALOGUE = Path(__file__).parent / 'catalogue'
 # What decides where `$(find PACKAGE)` leads.
 PLACES = ('AMENT_PREFIX_PATH', 'ROS_PACKAGE_PATH')
 
@@ -36,7 +36,7 @@ def _remembering(expand: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(expand)
     def expand_once(path: Path, arguments: Any = None, search: Any = ()) -> Any:
-        if not any(path.resolve().is_relative_to(folder) for folder in READ_OFTEN):
+        if not path.resolve().is_relative_to(CATALOGUE):
             return expand(path, arguments, search)
         places = tuple(map(os.environ.get, PLACES))
         key = (path, tuple(sorted((arguments or {}).items())), tuple(search), places)
