@@ -174,8 +174,8 @@ class Cockpit:
         size = imgui.GetIO().DisplaySize
         is_moved = page.layout.resize(size.x, size.y)
         # No button is held that ImGui has down since before a silence, whose end it hears of a
-        # frame late, and none clicks since before a loss. As lost counts a page whose panels move
-        # away below the finger.
+        # frame late, and none clicks since before a loss. A page of another size counts as lost,
+        # for its panels move away below the finger.
         before, self._began = self._began, time.monotonic()
         silence = max(self._began - before if self._is_down else 0.0, page_input.silence)
         if is_moved:

@@ -150,9 +150,10 @@ def init_ros(
 
 def _refuse_folders_and_pipes(args: Sequence[str]) -> None:
     """
-    Refuse a folder of parameters, in whose line 0 ROS finds a mistake, and a named pipe.
+    Refuse a folder and a named pipe of parameters.
 
-    For the writer of one ROS waits without end. A shell's `<(...)` is none: its writer is there.
+    ROS would find a mistake in line 0 of the folder, and would wait without end for a writer of
+    the pipe. A shell's `<(...)` is no named pipe: its writer is there.
     """
     for word, path in zip(args, args[1:], strict=False):
         is_other = word != '--params-file' or path.startswith(OPEN_FILES)

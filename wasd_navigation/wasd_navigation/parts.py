@@ -89,7 +89,7 @@ _warm: set[Any] = set()
 
 
 def _warm_up_once(locator: Locator, settings: NavigatorParameters) -> None:
-    """Warm up, but not again what differs in nothing: a second robot, the next run."""
+    """Warm up, unless that was done for the same parameters: by another robot, or a run before."""
     driven = (settings.limits, settings.footprint, settings.planning)
     key = (type(locator), settings.mapping, *driven)
     if key not in _warm:

@@ -41,8 +41,8 @@ _TEXT_PAGE = b"""<!doctype html><html lang="en"><head><meta charset="utf-8">
 """
 # A phone's pixels are as large as it says: else all is half as large. What leaves the page forgets
 # its keys: the repeat of one that is still down is no press. Studio follows the first of several
-# fingers: it is told that it left when another comes, which may mean the E-STOP, and came after
-# that. One that it has not heard come would press when the other has left, and it moves.
+# fingers, but the last may mean the E-STOP. So when a finger comes, Studio hears first that the
+# older ones have left, and then that they have come: it takes no finger that it knows for new.
 _HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-scale=1"><script>{
   const down = new Set();
   const forget = () => down.clear();
