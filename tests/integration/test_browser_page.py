@@ -139,13 +139,18 @@ def see_a_key_that_is_held_drive_and_end_with_the_browser(browser: Any, saved: P
     assert saved.read_text() == said
 
 
-def test_a_second_finger_presses_the_e_stop_while_the_first_is_down(
+def test_the_last_of_fingers_and_a_mouse_presses_the_e_stop(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
     def touch(what: str, *places: tuple[int, int], first: int = 0) -> None:
         points = [{'x': x, 'y': y, 'id': number} for number, (x, y) in enumerate(places, first)]
         words = {'type': what, 'touchPoints': points}
         browser.execute_cdp_cmd('Input.dispatchTouchEvent', words)
+        time.sleep(0.5)
+
+    def mouse(what: str, place: tuple[int, int], is_down: bool) -> None:
+        words = {'type': what, 'x': place[0], 'y': place[1], 'button': 'left', 'clickCount': 1}
+        browser.execute_cdp_cmd('Input.dispatchMouseEvent', words | {'buttons': int(is_down)})
         time.sleep(0.5)
 
     run = run_with_page('mbot', '--no-ros', '--save-keys', 'keys.txt')
@@ -161,6 +166,8 @@ def test_a_second_finger_presses_the_e_stop_while_the_first_is_down(
         wait_for_key(saved, 'ESC')
     touch('touchEnd')
     see_a_finger_press_no_more_when_the_one_after_it_has_left(touch, saved, e_stop, scene)
+    see_a_finger_press_while_a_mouse_is_held(touch, mouse, saved, e_stop, scene)
+    see_a_mouse_press_while_a_finger_is_held(touch, mouse, saved, e_stop, scene)
 
 
 def see_a_finger_press_no_more_when_the_one_after_it_has_left(
@@ -173,6 +180,35 @@ def see_a_finger_press_no_more_when_the_one_after_it_has_left(
     touch('touchMove', (e_stop[0] + 3, e_stop[1]))
     touch('touchEnd')
     assert presses(saved).count('ESC') == 2
+
+
+def see_a_finger_press_while_a_mouse_is_held(
+    touch: Callable[..., None],
+    mouse: Callable[..., None],
+    saved: Path,
+    e_stop: tuple[int, int],
+    scene: tuple[int, int],
+) -> None:
+    mouse('mousePressed', scene, is_down=True)
+    touch('touchStart', e_stop)
+    wait_for_key(saved, 'ESC', 3)
+    mouse('mouseReleased', scene, is_down=False)
+    touch('touchEnd')
+
+
+def see_a_mouse_press_while_a_finger_is_held(
+    touch: Callable[..., None],
+    mouse: Callable[..., None],
+    saved: Path,
+    e_stop: tuple[int, int],
+    scene: tuple[int, int],
+) -> None:
+    touch('touchStart', scene)
+    mouse('mouseMoved', e_stop, is_down=False)
+    mouse('mousePressed', e_stop, is_down=True)
+    wait_for_key(saved, 'ESC', 4)
+    mouse('mouseReleased', e_stop, is_down=False)
+    touch('touchEnd')
 
 
 def test_without_ros_the_page_answers_this_machine_only_and_a_second_run_takes_the_next_port(

@@ -4,7 +4,7 @@
 import random
 
 from mujoco_sim.viewer.clicks import CHANGE_PATIENCE, MOST_CHANGES, Mouse
-from mujoco_sim.viewer.input import GONE, LOSS, LOST, PageInput, SILENCE
+from mujoco_sim.viewer.input import GONE, LOSS, LOST, PageInput, SEVERAL, SILENCE
 from page_puppet import code
 import pytest
 
@@ -372,6 +372,33 @@ def test_clicks_of_a_page_that_fell_silent_or_left_are_forgotten(page, clock):
     assert not page.is_click_unseen
     assert not page.has_clicked
     assert page.hear('next', NONE, Mouse(0, C)) == (0, C)
+
+
+def hear_several(page: PageInput, buttons: int, are_several: bool) -> bool:
+    """Have a page tell of a pointer, and of several; return whether a click is of one alone."""
+    page.hear('tab', SEVERAL if are_several else NONE, Mouse(buttons))
+    return not page.are_several
+
+
+def test_no_click_is_of_one_pointer_alone_from_a_second_one_on_until_all_were_seen_to_leave(page):
+    assert hear_several(page, 1, are_several=False)
+    page.see(1)
+    assert not hear_several(page, 0, are_several=True)
+    page.see(0)
+    assert not hear_several(page, 1, are_several=True)
+    assert not hear_several(page, 0, are_several=False)
+    page.see(1)
+    assert not hear_several(page, 0, are_several=False)
+    page.see(0)
+    assert hear_several(page, 0, are_several=False)
+    assert hear_several(page, 1, are_several=False)
+    assert page.take_keys() == []
+
+
+def test_several_pointers_of_a_page_that_left_are_none_of_the_next(page):
+    hear_several(page, 1, are_several=True)
+    page.lose('tab')
+    assert not page.are_several
 
 
 def test_a_button_that_no_mouse_has_waits_for_no_frame(page):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import math
 import time
 
-from mujoco_sim.viewer.input import SILENCE
+from mujoco_sim.viewer.input import SEVERAL, SILENCE
 from run_scenarios import Page, RATE
 from wasd_cockpit.panels.map import REACHES
 
@@ -69,6 +69,23 @@ def scenario_a_drag_says_which_way_to_look_and_a_button_cancels(page: Page) -> N
     page.wait_until(lambda: goal(page) is not None, 'no goal')
     # Up on the map is along y.
     assert abs(goal(page).yaw - math.pi / 2.0) < 0.2
+    page.click('cancel goal')
+    page.wait_until(lambda: goal(page) is None, 'the goal stays')
+
+
+def scenario_two_fingers_on_the_map_are_no_goal(page: Page) -> None:
+    x, y = at_floor(page, 0.5)
+    page.puppet.press_at((x, y))
+    page.puppet.keys = set(SEVERAL)
+    page.puppet.let_go()
+    page.puppet.press_at((x + 20, y))
+    page.puppet.let_go()
+    page.puppet.keys = set()
+    page.puppet.draw()
+    assert goal(page) is None
+    page.puppet.press_at((x, y))
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) is not None, 'one finger is no goal any more')
     page.click('cancel goal')
     page.wait_until(lambda: goal(page) is None, 'the goal stays')
 

@@ -182,7 +182,8 @@ class Cockpit:
             silence = math.inf
         self._is_down = bool(imgui.IsAnyMouseDown())
         self._silence = max(silence, self._silence) if self._is_down else silence
-        page.is_live, page.is_there = self._silence <= SILENCE, self._silence <= LOSS
+        page.is_live = self._silence <= SILENCE
+        page.is_there = self._silence <= LOSS and not page_input.are_several
         page.widgets.begin()
         page.widgets.scale = 1.0 if page.layout.is_desk else TOUCH_SCALE
         style.push_theme(page.widgets.scale)

@@ -111,6 +111,7 @@ class PageInput:
         self.turns = Turns(clock)
         self._silence = 0.0  # the longest that a button is down since before [s]
         self.has_clicked = False  # until a frame of panels was begun for it
+        self.are_several = False  # pointers down, or were since none was: no click is of one alone
 
     @property
     def is_alive(self) -> bool:
@@ -198,6 +199,8 @@ class PageInput:
             since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
             shown = self._clicks.show(mouse, since)
+            is_free = not mouse.buttons and not shown.buttons and self._clicks.is_seen
+            self.are_several = not SEVERAL.isdisjoint(down) or (self.are_several and not is_free)
             # What tells of a press proves a click, as it does a key's; what is held it does not.
             is_press = not before and not self._mouse.buttons and self._life.age <= GONE
             age = min(self._life.age, LOSS) if is_press else self._life.age
@@ -284,7 +287,7 @@ class PageInput:
         self._life.reset()
         self._presence.reset()
         self._undrawn = False
-        self.has_clicked = False
+        self.has_clicked = self.are_several = False
         self._clicks.forget()
 
 
@@ -299,6 +302,9 @@ PAGE_KEYS = {
 SHIFT = _codes('LeftShift', 'RightShift')
 # With one of these down a key is a shortcut of the browser or the desktop, and not for a robot.
 SHORTCUT = _codes('LeftCtrl', 'RightCtrl', 'LeftAlt', 'RightAlt', 'LeftSuper', 'RightSuper')
+
+# The page's head holds this one down while several pointers are, two fingers or one and a mouse.
+SEVERAL = _codes('F24')
 
 
 @dataclass

@@ -13,6 +13,7 @@ from mujoco.studio.web.web_server import Headers, Request, Response, serve, Serv
 from wasd_core.network import LOOPBACK
 
 from mujoco_sim.viewer.clicks import Mouse
+from mujoco_sim.viewer.head import HEAD
 from mujoco_sim.viewer.input import PageInput
 from mujoco_sim.viewer.studio import session_of, SILENT_CONTROLLER
 
@@ -39,28 +40,6 @@ _TEXT_PAGE = b"""<!doctype html><html lang="en"><head><meta charset="utf-8">
 <meta http-equiv="refresh" content="1"><title>wasd</title></head>
 <body style="background:#17191f;color:#e0e5ec"><pre style="font-size:18px">%s</pre></body></html>
 """
-# A phone's pixels are as large as it says: else all is half as large. What leaves the page forgets
-# its keys: the repeat of one that is still down is no press. Studio follows the first of several
-# fingers, but the last may mean the E-STOP. So when a finger comes, Studio hears first that the
-# older ones have left, and then that they have come: it takes no finger that it knows for new.
-_HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-scale=1"><script>{
-  const down = new Set();
-  const forget = () => down.clear();
-  for (const leaving of ['blur', 'visibilitychange']) addEventListener(leaving, forget, true);
-  addEventListener('keyup', event => down.delete(event.code), true);
-  addEventListener('keydown', event => {
-    if (!event.repeat) down.add(event.code);
-    else if (!down.has(event.code)) event.stopImmediatePropagation();
-  }, true);
-  const tell = (event, what) => {
-    const come = [...event.changedTouches].map(touch => touch.identifier);
-    const older = [...event.touches].filter(touch => !come.includes(touch.identifier));
-    if (older.length) event.target.dispatchEvent(
-      new TouchEvent(what, {cancelable: true, changedTouches: older}));
-  };
-  addEventListener('touchstart', event => tell(event, 'touchend'), true);
-  addEventListener('touchstart', event => tell(event, 'touchstart'));
-}</script>"""
 _LOG = logging.getLogger(__name__)
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
@@ -287,7 +266,7 @@ def _response(status: int, reason: str, kind: str, body: bytes) -> Response:
 
 def _with_head(response: Response) -> Response:
     """Return Studio's page with what is ours in its head."""
-    body = response.body.replace(b'<head>', _HEAD, 1)
+    body = response.body.replace(b'<head>', HEAD, 1)
     if 'Content-Length' in response.headers:
         del response.headers['Content-Length']
         response.headers['Content-Length'] = str(len(body))

@@ -20,7 +20,8 @@ class PageState:
 
     `held` is what the stick says, `push` with what a hand pushes; `is_live` is whether what is
     held down counts: the browser is alive, and what is down went down since it is; `is_there`
-    whether a click counts: the same of a browser that may be slow, but was not lost.
+    whether a click is a goal: the same of a browser that may be slow, but was not lost, with one
+    finger or a mouse alone.
     """
 
     link: Link
