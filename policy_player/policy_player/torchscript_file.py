@@ -158,7 +158,8 @@ def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.nd
 
 def _network(root: Module, files: dict[str, bytes]) -> LayeredNetwork:
     children = dict(root.children)
-    normaliser = children.pop('normalizer', None) or children.pop('actor_obs_normalizer', None)
+    name = 'normalizer' if 'normalizer' in children else 'actor_obs_normalizer'
+    normaliser = children.pop(name, None)
     chains = {name: child for name, child in children.items() if child.name != 'Identity'}
     if root.name == 'Sequential':
         chains = {'': root}
@@ -173,8 +174,9 @@ def _network(root: Module, files: dict[str, bytes]) -> LayeredNetwork:
         names = ('_mean', '_std')
         if normaliser.name != 'EmpiricalNormalization' or not set(names) <= set(tensors):
             raise PolicyError(f'normalizer {normaliser.name}: not known: {CURE}')
-        mean, deviation = (np.ravel(tensors[name]).astype(np.float32) for name in names)
-        deviation = deviation + np.float32(normaliser.members.get('eps', 0.01))
+        if re.search(rf'\bself\.{name}\b', _forward(root, files)):  # else it is never called
+            mean, deviation = (np.ravel(tensors[each]).astype(np.float32) for each in names)
+            deviation = deviation + np.float32(normaliser.members.get('eps', 0.01))
     return LayeredNetwork(_layers(chain, files), mean, deviation)
 
 

@@ -9,6 +9,7 @@ from policy_files import (
     constant,
     deploy,
     exporter,
+    FORWARD,
     layers,
     mjlab,
     MOTORS,
@@ -360,7 +361,10 @@ def test_presets_follow_their_conventions(tmp_path, rng):
         np.testing.assert_allclose(targets[name][0], home[name] + 0.25 * action[i], atol=1e-5)
 
 
-def test_a_torchscript_file_normalises_first(tmp_path, rng):
+NORMALISED = FORWARD.replace('forward(x, )', 'forward((self.normalizer).forward(x, ), )')
+
+
+def test_a_torchscript_file_normalises_first_where_it_says_so(tmp_path, rng):
     weights, biases = layers(rng, 45, 16, 12)
     mean, deviation = rng.normal(size=(1, 45)), rng.uniform(0.5, 2.0, (1, 45))
     path = tmp_path / 'policy.pt'
@@ -368,9 +372,13 @@ def test_a_torchscript_file_normalises_first(tmp_path, rng):
     shown = rng.normal(size=45).astype(np.float32)
     for eps in (0.01, 1e-5):
         normal = TorchModule('EmpiricalNormalization', _mean=mean, _std=deviation, eps=eps)
-        path.write_bytes(torchscript(exporter(weights, biases, normalizer=normal)))
+        root = exporter(weights, biases, normalizer=normal)
+        path.write_bytes(torchscript(root, NORMALISED))
         wanted = run(weights, biases, (shown - mean[0]) / (deviation[0] + eps))
         np.testing.assert_allclose(read_policy(path, config).network(shown), wanted, atol=1e-5)
+    path.write_bytes(torchscript(root))
+    wanted = run(weights, biases, shown)
+    np.testing.assert_allclose(read_policy(path, config).network(shown), wanted, atol=1e-5)
 
 
 def test_between_the_steps_of_a_policy_targets_stay(tmp_path, rng):
