@@ -155,7 +155,7 @@ def meet_sill(seed: int, world: Path, sill: float, grid: Grid | None = None) -> 
         ride.drive(speed, turn if met == math.inf else 0.0, TICK)
         if met == math.inf and where(ride.robot)[0] > sill - 0.22:
             met = ride.robot.time
-    spun = ride.robot.odometry.x - where(ride.robot)[0]
+    spun = ride.robot.odometry.position[0] - where(ride.robot)[0]
     worst = max(error for time, error in ride.errors)
     said = min((t for t, words in ride.said if 'stuck' in words), default=math.inf) - met
     ride.drive(-0.3, 0.0, BACK)

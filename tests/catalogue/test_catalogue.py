@@ -35,7 +35,7 @@ from robot_description.packages import description_path, share_directory
 from robot_description.xacro.session import XacroSession
 import wasd
 from wasd_bringup.run import worlds
-from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+from wasd_core.rotations import matrix_from_quaternion, yaw_of
 import yaml
 
 HERE = Path(__file__).parent
@@ -155,11 +155,6 @@ WAY, SPEED, TURN, RATE, OFF, OFF_TURN = 1.0, 0.35, math.pi, 1.5, 0.01, 0.02
 SETTLE, REST = 0.5, 1.0
 
 
-def yaw_of(robot: Any) -> float:
-    """Return the true heading [rad]."""
-    return float(rpy_from_matrix(matrix_from_quaternion(robot.truth.orientation))[2])
-
-
 def come_to_rest(robot: Any) -> None:
     """Stop; go on once it stands still, or after REST."""
     robot.drive(0.0)
@@ -172,23 +167,23 @@ def come_to_rest(robot: Any) -> None:
 def drive_wheels(robot: Any) -> None:
     """Go 1 m ahead, then turn by 180 degrees on the spot; odometry knows."""
     robot.run(SETTLE)
-    start, ahead = robot.truth.position.copy(), yaw_of(robot)
+    start, ahead = robot.truth.position.copy(), yaw_of(robot.truth.orientation)
     robot.drive(SPEED)
     robot.run(WAY / SPEED)
     come_to_rest(robot)
     went = robot.truth.position - start
     goal = WAY * np.array([math.cos(ahead), math.sin(ahead)])
     assert went[:2] == pytest.approx(goal, abs=OFF * WAY)
-    believed = robot.odometry.yaw
+    believed = yaw_of(robot.odometry.orientation)
     robot.drive(0.0, RATE)
-    yaws = [yaw_of(robot)]
+    yaws = [yaw_of(robot.truth.orientation)]
     for _ in range(4):  # in parts, in which the angle has but one meaning
         robot.run(TURN / RATE / 4)
-        yaws.append(yaw_of(robot))
+        yaws.append(yaw_of(robot.truth.orientation))
     come_to_rest(robot)
-    yaws.append(yaw_of(robot))
+    yaws.append(yaw_of(robot.truth.orientation))
     assert float(np.unwrap(yaws)[-1]) - yaws[0] == pytest.approx(TURN, abs=OFF_TURN)
-    off = math.remainder(robot.odometry.yaw - believed - TURN, 2.0 * math.pi)
+    off = math.remainder(yaw_of(robot.odometry.orientation) - believed - TURN, 2.0 * math.pi)
     assert abs(off) <= OFF_TURN
 
 
@@ -224,9 +219,9 @@ def velocity(robot: Any) -> np.ndarray:
     """Return the mean velocity (ahead, left, turn) [m/s], [m/s], [rad/s] over MEASURED."""
     way = np.zeros(3)
     for _ in range(PARTS):  # in parts, which are nearly straight
-        place, yaw = robot.truth.position.copy(), yaw_of(robot)
+        place, yaw = robot.truth.position.copy(), yaw_of(robot.truth.orientation)
         robot.run(MEASURED / PARTS)
-        turn = math.remainder(yaw_of(robot) - yaw, 2.0 * math.pi)
+        turn = math.remainder(yaw_of(robot.truth.orientation) - yaw, 2.0 * math.pi)
         x, y, _ = (robot.truth.position - place).tolist()
         cosine, sine = math.cos(yaw + turn / 2), math.sin(yaw + turn / 2)
         way += (cosine * x + sine * y, cosine * y - sine * x, turn)

@@ -282,6 +282,7 @@ def test_mbot_drives_by_velocity_and_a_key_takes_over():
     car.drive(0.25)
     car.run(4.0)
     assert car.truth.position[0] == pytest.approx(1.0, abs=0.15)
+    assert car.odometry.position == pytest.approx(car.truth.position, abs=0.01)
     car.press('k')
     car.run(2.0)
     assert car.state == 'stopped'

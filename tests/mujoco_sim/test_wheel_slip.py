@@ -151,4 +151,4 @@ def test_an_upward_kink_holds_mbot_up_unless_it_is_fast(degrees, speed, passes):
     mbot.drive(speed, 0.0)
     mbot.run(2.0 / speed)
     # Beyond the kink the wheels go on to roll it ahead, or spin in the air.
-    assert (mbot.truth.position[0] > 0.8 * mbot.odometry.x) == passes
+    assert (mbot.truth.position[0] > 0.8 * mbot.odometry.position[0]) == passes

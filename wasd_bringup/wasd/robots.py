@@ -455,9 +455,10 @@ class Mbot(Robot):
         self._velocity = (0.0, 0.0, 0.0)
 
     @property
-    def odometry(self) -> Any:
-        """Odometry of the wheels: x, y [m], yaw [rad], and the velocities."""
-        return self._robot.drive_unit.controller.odometry_state
+    def odometry(self) -> BaseOdometry:
+        """The odometry of the wheels: pose, velocities and their covariances."""
+        odometry: BaseOdometry = self._robot.odometry
+        return odometry
 
     @checked
     def press(self, key: str) -> None:
