@@ -100,6 +100,25 @@ def test_params_waits_for_a_run_that_it_knows_to_be_there(
         assert '  use_sim_time\n' in answer(process, spawn, spin_until)
 
 
+def test_where_no_node_runs_it_says_so_and_where_the_users_runs_are(
+    new_runner: Any, isolated_ros: int
+) -> None:
+    runner = new_runner()
+    said = f'no node runs in ROS domain {runner.environment["ROS_DOMAIN_ID"]}: '
+
+    def run(*words: str) -> 'subprocess.CompletedProcess[str]':
+        return programs.run_wasd(words, runner.folder, runner.environment)
+
+    listed = run('topics')
+    assert (listed.returncode, listed.stdout) == (0, '/parameter_events\n')
+    assert listed.stderr.startswith(said)
+    with claim(isolated_ros, ['/']):
+        missed = run('echo', 'odom', '--once')
+    assert missed.returncode == 1
+    assert missed.stderr.startswith(f'error: no topic /odom; {said}')
+    assert f' is in domain {isolated_ros}' in missed.stderr
+
+
 @pytest.fixture(scope='module')
 def robot(new_runner: Any) -> Iterator[Any]:
     """

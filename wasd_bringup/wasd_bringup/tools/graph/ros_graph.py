@@ -19,6 +19,8 @@ from wasd_core.network import running
 from wasd_core.node import init_ros, MessagePump
 from wasd_core.signals import letting_go, StopSignals
 
+from wasd_bringup.cli.parsers import called
+
 # A name does not exist if nothing new has been discovered for so long [s]. Fast DDS
 # announces a process that missed the first announcements every 3 s.
 PATIENCE = 5.0
@@ -139,7 +141,7 @@ class RosGraph:
         if kinds is None:
             # Every node has six services of parameters; they are not what was meant.
             known = [one for one in _visible(look()) if not re.search(r'/\w+_parameter\w*$', one)]
-            raise NotFound(f'no {what} {name}{suggest(name, known)}')
+            raise NotFound(f'no {what} {name}{self._cure(name, known)}')
         if is_topic and len(kinds) > 1:
             raise NotFound(f'topic {name} has several types: {", ".join(kinds)}; give one')
         return str(kinds[0])
@@ -152,16 +154,33 @@ class RosGraph:
             NotFound: there is no such node.
         """
 
-        def names() -> list[str]:
-            found = self.node.get_fully_qualified_node_names()
-            return sorted({node for node in found if not topic_or_service_is_hidden(node)})
-
         def is_there() -> bool:
             # A node's name comes by a message of its own, which may be later than its services.
-            return name in names() or bool(self.node.count_services(f'{name}/get_parameters'))
+            return name in self._nodes() or bool(
+                self.node.count_services(f'{name}/get_parameters')
+            )
 
         if not self.wait(is_there):
-            raise NotFound(f'no node {name}{suggest(name, names())}')
+            raise NotFound(f'no node {name}{self._cure(name, self._nodes())}')
+
+    def emptiness(self) -> str:
+        """Return that no node is in this domain, and what to do; '' if there is one."""
+        if self._nodes():
+            return ''
+        domain = self.node.context.get_domain_id()
+        others = [run for run in running(os.getuid()) if run.domain != domain]
+        there = ', '.join(f'{run} is in domain {run.domain}' for run in others)
+        return (
+            f'no node runs in ROS domain {domain}: {there or f"start one, such as {called()} go2"}'
+        )
+
+    def _nodes(self) -> list[str]:
+        found = self.node.get_fully_qualified_node_names()
+        return sorted({node for node in found if not topic_or_service_is_hidden(node)})
+
+    def _cure(self, name: str, known: Sequence[str]) -> str:
+        is_empty = self.emptiness()
+        return f'; {is_empty}' if is_empty else suggest(name, known)
 
 
 def full_name(name: str) -> str:
