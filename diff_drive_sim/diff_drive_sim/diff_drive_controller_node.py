@@ -24,7 +24,6 @@ from wasd_core.messages import (
     to_odometry,
     to_seconds,
 )
-from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.services import offer
 from wasd_core.streams import visible
@@ -379,10 +378,5 @@ def _from_pose(
     return position.x, position.y, yaw, PlanarCovariance(c[0], c[1], c[7], c[5], c[11], c[35])
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the controller as a process of its own."""
-    return run_node(DiffDriveControllerNode, args, program=diff_drive_controller)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(diff_drive_controller())

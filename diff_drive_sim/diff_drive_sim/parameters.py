@@ -15,6 +15,7 @@ from diff_drive_sim.limits import AxisLimits
 diff_drive_controller = Executable(
     name='diff_drive_controller',
     module='diff_drive_sim.diff_drive_controller_node',
+    node='DiffDriveControllerNode',
     about='Drives a robot of two wheels: cmd_vel in, wheel commands, odom and /tf out.',
     parameters=('diff_drive_sim.parameters:DiffDriveParameters',),
     example='diff_drive_controller --ros-args -p description:=mbot -p use_sim_time:=true',

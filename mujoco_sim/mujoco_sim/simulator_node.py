@@ -342,8 +342,8 @@ def simulate(node: SimulatorNode, stop: StopSignals) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the simulator as a process of its own; controllers talk to it over topics."""
-    return run_node(SimulatorNode, args, simulate, program=simulator)
+    return run_node(SimulatorNode, args, simulate)
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(simulator())

@@ -29,6 +29,7 @@ class PolicyNodeParameters(Parameters):
 policy_player = Executable(
     name='policy_player',
     module='policy_player.policy_player_node',
+    node='PolicyPlayerNode',
     about='Walks a robot by a network: keys and cmd_vel in, joint_commands and state out.',
     parameters=('policy_player.parameters:PolicyNodeParameters',),
     example='policy_player --ros-args -p description:=g1 -p policy:=walk.onnx',

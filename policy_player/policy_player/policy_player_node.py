@@ -13,7 +13,6 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.feed import Feeds
 from wasd_core.messages import to_imu_reading, to_joint_commands, to_joint_states, to_seconds
-from wasd_core.node import run_node
 from wasd_core.paired import Answer, LONGEST_GAP, Paired, PairedReadings
 from wasd_core.robot_io import JointCommand, JointStates, Reading
 from wasd_core.ros_parameters import declare_parameters
@@ -135,10 +134,5 @@ class PolicyPlayerNode(Node):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the policy player as a process of its own."""
-    return run_node(PolicyPlayerNode, args, program=policy_player)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(policy_player())

@@ -23,7 +23,6 @@ from wasd_core.messages import (
     to_odometry,
     to_seconds,
 )
-from wasd_core.node import run_node
 from wasd_core.robot_io import JointCommand
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.services import offer
@@ -234,10 +233,5 @@ def _parameters_of_file(node: Node) -> LegNodeParameters:
     return LegNodeParameters.from_file(path if isinstance(path, str) else '')
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the leg controller as a process of its own."""
-    return run_node(LegControllerNode, args, program=leg_controller)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(leg_controller())

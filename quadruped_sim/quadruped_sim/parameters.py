@@ -195,6 +195,7 @@ def _scale_group(group: Group, scale: 'Scale') -> Group:
 leg_controller = Executable(
     name=NAME,
     module='quadruped_sim.leg_controller_node',
+    node='LegControllerNode',
     about='Walks a quadruped: keys and cmd_vel in, joint_commands, odom and /tf out.',
     parameters=('quadruped_sim.parameters:LegNodeParameters',),
     example='leg_controller --ros-args -p description:=go2 -p use_sim_time:=true',

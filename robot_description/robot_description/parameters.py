@@ -31,6 +31,7 @@ class StatePublisherParameters(Parameters):
 state_publisher = Executable(
     name='state_publisher',
     module='robot_description.state_publisher_node',
+    node='StatePublisherNode',
     about='Publishes robot_description, and with joint_states the poses of links on /tf.',
     parameters=('robot_description.parameters:StatePublisherParameters',),
     example='state_publisher --ros-args -p description:=mbot -p use_sim_time:=true',

@@ -11,7 +11,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from wasd_core.messages import to_seconds, to_transform
-from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.rotations import Pose
 from wasd_core.streams import visible
@@ -115,10 +114,5 @@ class StatePublisherNode(Node):
             self.get_logger().warning(visible(unknown_joint_warning(name, known)))
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the state publisher as a process of its own."""
-    return run_node(StatePublisherNode, args, program=state_publisher)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(state_publisher())

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that turns a gamepad into `joy`, velocities and keys; executable `gamepad`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import sys
 import threading
 import time
@@ -12,7 +12,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Joy
 from std_msgs.msg import String
-from wasd_core.node import run_node
 from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
@@ -252,10 +251,5 @@ def to_full_twist(velocity: JoyTwist) -> Twist:
     return message
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `gamepad`; return the exit status."""
-    return run_node(GamepadNode, args, joins=True, program=gamepad)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(gamepad())

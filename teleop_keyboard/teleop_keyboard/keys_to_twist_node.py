@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that turns keys into velocity commands, and the executable `keys_to_twist`."""
 
-from collections.abc import Sequence
 import sys
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
-from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.topics import EVENTS, LoopbackSubscription, PublisherWatch, watch_types
 from wasd_core.velocity_messages import to_twist
@@ -118,10 +116,5 @@ class KeysToTwistNode(Node):
         self.output.publish(to_twist(*velocity))
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `keys_to_twist`; return the exit status."""
-    return run_node(KeysToTwistNode, args, joins=True, program=keys_to_twist)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(keys_to_twist())

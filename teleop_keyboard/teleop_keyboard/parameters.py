@@ -35,6 +35,8 @@ key_publisher = Executable(
 keys_to_twist = Executable(
     name='keys_to_twist',
     module='teleop_keyboard.keys_to_twist_node',
+    node='KeysToTwistNode',
+    joins=True,
     about='Turns keys into velocities on cmd_vel, with a preset and its ramps.',
     parameters=('teleop_keyboard.parameters:TeleopParameters',),
     example='keys_to_twist --ros-args -p preset:=wasd -p speed:=0.3',
@@ -51,6 +53,8 @@ teleop = Executable(
 twist_mux = Executable(
     name='twist_mux',
     module='teleop_keyboard.twist_mux_node',
+    node='TwistMuxNode',
+    joins=True,
     about='Selects one of several velocity sources, by priority, time-out and locks.',
     parameters=('teleop_keyboard.parameters:MuxParameters',),
     notes=(
@@ -62,6 +66,8 @@ twist_mux = Executable(
 gamepad = Executable(
     name='gamepad',
     module='teleop_keyboard.gamepad_node',
+    node='GamepadNode',
+    joins=True,
     about='Publishes a gamepad as joy, and drives by it: cmd_vel and keys.',
     parameters=(
         'teleop_keyboard.parameters:PadParameters',

@@ -14,7 +14,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 from visualization_msgs.msg import Marker
-from wasd_core.node import run_node
 from wasd_core.parameters import InvalidParameter
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.topics import AbsenceWatch, LATCHED, RELIABLE, watch_types
@@ -184,10 +183,5 @@ class TwistMuxNode(Node):
         return SetParametersResult(successful=True)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `twist_mux`; return the exit status."""
-    return run_node(TwistMuxNode, args, joins=True, program=twist_mux)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(twist_mux())

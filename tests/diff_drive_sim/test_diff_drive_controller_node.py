@@ -4,8 +4,9 @@ from pathlib import Path
 import re
 
 from builtin_interfaces.msg import Time
-from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode, main
+from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.drive import DiffDrive
+from diff_drive_sim.parameters import diff_drive_controller
 from geometry_msgs.msg import Twist, TwistStamped
 from mujoco_sim.simulator_node import SimulatorNode
 from nav_msgs.msg import Odometry
@@ -287,7 +288,7 @@ def test_a_drive_that_it_is_given_is_fed_by_no_topic(spawn, mbot):
     ],
 )
 def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, override, message):
-    assert main(['--ros-args', '-p', override]) == 2
+    assert diff_drive_controller(['--ros-args', '-p', override]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f'error: {message}')
     assert said.count('\n') == 1

@@ -36,7 +36,7 @@ REFUSED = [
     (DESCRIBE, 'lint', f'no{TITLE}.urdf'),
     (f'{KEYBOARDS}.teleop_node', f'--{TITLE}'),
     (f'{KEYBOARDS}.key_publisher_node', f'--{TITLE}'),
-    (f'{KEYBOARDS}.keys_to_twist_node', '--ros-args', '-p', f'preset:={TITLE}'),
+    (f'{KEYBOARDS}.parameters:keys_to_twist', '--ros-args', '-p', f'preset:={TITLE}'),
 ]
 # Runs the modules of programs one after the other, and says how each ended.
 EACH = """
@@ -44,7 +44,8 @@ import json, sys
 from importlib import import_module
 for program, *words in map(json.loads, sys.argv[1:]):
     try:
-        status = import_module(program).main(words)
+        module, _, name = program.partition(':')
+        status = getattr(import_module(module), name or 'main')(words)
     except SystemExit as end:
         status = end.code
     print('ENDED', status, flush=True)

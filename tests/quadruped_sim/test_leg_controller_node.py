@@ -9,9 +9,10 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from quadruped_sim.keys import StateName
-from quadruped_sim.leg_controller_node import LegControllerNode, main
+from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.legs import Legs
+from quadruped_sim.parameters import leg_controller
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -348,7 +349,7 @@ def test_guides_limits_are_a_parameter(spawn):
     ],
 )
 def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, override, message):
-    assert main(['--ros-args', '-p', override]) == 2
+    assert leg_controller(['--ros-args', '-p', override]) == 2
     said = capsys.readouterr().err
     rclpy.try_shutdown()
     assert re.match(rf'error: (\S+: )?{re.escape(message)}', said)

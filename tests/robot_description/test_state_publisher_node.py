@@ -12,7 +12,8 @@ from robot_description.description import load_robot, read_description
 from robot_description.meshes.files import opened_by_rviz
 from robot_description.morphology.wheel_file import read_wheel_choice
 from robot_description.packages import description_path, DESCRIPTIONS
-from robot_description.state_publisher_node import main, StatePublisherNode
+from robot_description.parameters import state_publisher
+from robot_description.state_publisher_node import StatePublisherNode
 from robot_description.xacro.session import expand_document
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -210,7 +211,7 @@ def test_it_holds_the_springs_of_the_wheels_that_a_controller_s_file_names(isola
 
 
 def test_a_description_that_is_not_there_ends_with_one_line(isolated_ros, capsys):
-    assert main(['--ros-args', '-p', 'description:=dog']) == 2
+    assert state_publisher(['--ros-args', '-p', 'description:=dog']) == 2
     said = capsys.readouterr().err
     assert said.startswith('error: dog: no such file')
     assert said.count('\n') == 1

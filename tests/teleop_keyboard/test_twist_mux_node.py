@@ -8,7 +8,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
-from teleop_keyboard.twist_mux_node import main, TwistMuxNode
+from teleop_keyboard.parameters import twist_mux
+from teleop_keyboard.twist_mux_node import TwistMuxNode
 from visualization_msgs.msg import Marker
 from wasd_core.parameters import InvalidParameter
 
@@ -201,5 +202,5 @@ def test_a_wrong_table_is_named(spawn):
     ],
 )
 def test_a_topic_that_is_none_is_one_line(isolated_ros, capfd, topic, said):
-    assert main(['--ros-args', '-p', f'topics.keyboard.topic:={topic}']) == 2
+    assert twist_mux(['--ros-args', '-p', f'topics.keyboard.topic:={topic}']) == 2
     assert capfd.readouterr().err == f'error: ROS: {said}\n'

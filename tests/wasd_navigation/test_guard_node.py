@@ -15,7 +15,8 @@ from std_msgs.msg import String
 from wasd_core.messages import to_stamp
 from wasd_core.rotations import Pose
 from wasd_core.topics import LATCHED, RELIABLE
-from wasd_navigation.guard_node import GuardNode, main
+from wasd_navigation.guard_node import GuardNode
+from wasd_navigation.guard_parameters import guard as run_guard
 
 pytestmark = pytest.mark.slow
 
@@ -159,7 +160,7 @@ def test_what_was_asked_before_or_while_it_was_stopped_is_not_relayed(guard, mon
 
 def test_a_topic_that_is_none_is_one_line(isolated_ros, capfd) -> None:
     given = ('-p', 'robot_radius:=0.2', '-p', 'cmd_vel_in_topic:=cmd-vel')
-    assert main(['--ros-args', *given]) == 2
+    assert run_guard(['--ros-args', *given]) == 2
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith('error: ROS: Invalid topic name: ')
     assert line.endswith(": 'cmd-vel'")

@@ -51,15 +51,18 @@ class Executable:
     """
     One of a package's programs, before anything heavy is imported; called, it runs.
 
-    `module` has the `main` that runs it. `parameters` names the definitions of its parameters,
-    as `module:Class`; `notes` tell what no definition holds. `takes_keys` is for programs that
-    read a keyboard and can save what was pressed.
+    `module` has the class of its `node`, which `joins` the run that is there (see `init_ros`); or
+    a `main` that runs it. `parameters` names the definitions of its parameters, as `module:Class`;
+    `notes` tell what no definition holds. `takes_keys` is for programs that read a keyboard and
+    can save what was pressed.
     """
 
     name: str
     module: str
     about: str
     example: str
+    node: str = ''
+    joins: bool = False
     parameters: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     takes_keys: bool = False
@@ -76,7 +79,12 @@ class Executable:
             return 2
         with loading():
             program = import_module(self.module)
-        status: int = program.main(words)
+        status: int
+        if self.node:
+            run_node = import_module('wasd_core.node').run_node
+            status = run_node(getattr(program, self.node), words, joins=self.joins)
+        else:
+            status = program.main(words)
         return status
 
     def read(self, words: Sequence[str]) -> argparse.Namespace:

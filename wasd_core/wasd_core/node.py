@@ -26,7 +26,6 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.waitable import NumberOfEntities
 
-from wasd_core.command_line import Executable
 from wasd_core.errors import Stopped, UserError
 from wasd_core.network import (
     do_without_shared_memory,
@@ -238,18 +237,14 @@ def run_node(
     args: Sequence[str] | None = None,
     run: Callable[[NodeType, StopSignals], None] = spin_alone,
     joins: bool = False,
-    program: Executable | None = None,
 ) -> int:
     """
     Run one node as a program; see `run_program` and `open_node`.
 
-    A node that `joins` is for the run that is there; see `init_ros`. What is not ROS's among the
-    arguments is the `program`'s: its --help, or wrong.
+    A node that `joins` is for the run that is there; see `init_ros`.
     """
 
     def work(stop: StopSignals) -> None:
-        if program is not None:
-            program.read(sys.argv[1:] if args is None else args)
         init_ros(args, joins=joins)
         with open_node(make_node, stop) as node:
             run(node, stop)

@@ -12,7 +12,6 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from wasd_core.messages import from_odometry, to_seconds
-from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import Watchdog
@@ -145,10 +144,5 @@ class GuardNode(Node):
         self.get_logger().warning(visible(words), throttle_duration_sec=5.0)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the guard as a process of its own."""
-    return run_node(GuardNode, args, joins=True, program=guard)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(guard())

@@ -11,6 +11,8 @@ from wasd_navigation.parameters import SizeParameters
 guard = Executable(
     name='guard',
     module='wasd_navigation.guard_node',
+    node='GuardNode',
+    joins=True,
     about='Slows and stops a robot before obstacles of its lidar; between mux and controller.',
     parameters=('wasd_navigation.guard_parameters:GuardNodeParameters',),
     example='guard --ros-args -p use_sim_time:=true -p cmd_vel_in_topic:=cmd_vel_smoothed',

@@ -17,7 +17,6 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 from wasd_core.errors import InvalidMessage, UserError
 from wasd_core.messages import from_odometry, to_seconds
-from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.services import offer
 from wasd_core.streams import visible
@@ -284,10 +283,5 @@ class NavigatorNode(Node):
         self.get_logger().warning(visible(words), throttle_duration_sec=5.0)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the navigator as a process of its own."""
-    return run_node(NavigatorNode, args, joins=True, program=navigator)
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(navigator())

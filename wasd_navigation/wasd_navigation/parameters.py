@@ -15,6 +15,8 @@ _DEPTH = 0.11
 navigator = Executable(
     name='navigator',
     module='wasd_navigation.navigator_node',
+    node='NavigatorNode',
+    joins=True,
     about='Maps or localises with scan and odom; drives to goal_pose with cmd_vel.',
     parameters=('wasd_navigation.parameters:NavigatorParameters',),
     example='navigator --ros-args -p use_sim_time:=true -r cmd_vel:=nav_vel',
