@@ -11,7 +11,7 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import matrix_from_quaternion, Pose, rpy_from_matrix, yaw_matrix
 
-from wasd_navigation.se2 import compose, inverse, is_definite, sandwich, turn_axes, wrap
+from wasd_navigation.se2 import add, compose, inverse, is_definite, sandwich, turn_axes, wrap
 
 # So many are remembered: two seconds at 50 Hz.
 REMEMBERED = 100
@@ -218,8 +218,6 @@ def add_covariance(
     F = np.eye(3)
     F[0, 2] = -(sin * move[0] + cos * move[1])
     F[1, 2] = cos * move[0] - sin * move[1]
-    carried, added = sandwich(F, covariance), turn_axes(growth, pose[2])
-    for i in range(3):
-        for j in range(3):
-            carried[i, j] += added[i, j]
+    carried = sandwich(F, covariance)
+    add(carried, turn_axes(growth, pose[2]))
     return carried

@@ -67,17 +67,25 @@ def put(into: np.ndarray, row: np.ndarray) -> None:
 
 @jit
 def sandwich(F: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """Return F P F^T."""
-    half, result = np.zeros((3, 3)), np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
+    """Return F P F^T of square matrices, which may be larger."""
+    size, half, result = len(F), np.zeros_like(F), np.zeros_like(F)
+    for i in range(size):
+        for j in range(size):
+            for k in range(size):
                 half[i, j] += F[i, k] * P[k, j]
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
+    for i in range(size):
+        for j in range(size):
+            for k in range(size):
                 result[i, j] += half[i, k] * F[j, k]
     return result
+
+
+@jit
+def add(into: np.ndarray, added: np.ndarray) -> None:
+    """Add a matrix to the first rows and columns of one."""
+    for i in range(len(added)):
+        for j in range(len(added)):
+            into[i, j] += added[i, j]
 
 
 @jit

@@ -106,19 +106,12 @@ def _add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None
                 at = local.used[0]
                 local.used[0] += 1
                 local.slots[row, column, slot] = at
-                sums = local.sums[at]
-                sums[0], sums[1], sums[2], sums[3], sums[4] = (
-                    weight,
-                    weight * x,
-                    weight * y,
-                    weight * nx,
-                    weight * ny,
-                )
-                break
+                for i in range(5):
+                    local.sums[at, i] = 0.0
             sums = local.sums[at]
             size = math.sqrt(sums[3] * sums[3] + sums[4] * sums[4])  # hypot takes far longer
-            is_post = nx == 0.0 and ny == 0.0
-            if (is_post and size == 0.0) or nx * sums[3] + ny * sums[4] > 0.5 * size:
+            is_new, is_post = sums[0] == 0.0, nx == 0.0 and ny == 0.0
+            if is_new or (is_post and size == 0.0) or nx * sums[3] + ny * sums[4] > 0.5 * size:
                 sums[0] += weight
                 sums[1] += weight * x
                 sums[2] += weight * y

@@ -9,7 +9,7 @@ from wasd_core.jit import jit
 
 from wasd_navigation.mapping.local_map import Fit, fit_scan, LocalMap
 from wasd_navigation.odometry import LEAP, OdometryGrowth
-from wasd_navigation.se2 import compose, invert, turn_axes, wrap
+from wasd_navigation.se2 import add, compose, invert, sandwich, turn_axes, wrap
 
 ROUNDS = 12
 # How a map of few scans wavers: variances of the pose at each scan [m^2], [rad^2].
@@ -158,20 +158,8 @@ def _predict(
     F[0, 3] = cos * said[0] - sin * said[1]
     F[1, 3] = sin * said[0] + cos * said[1]
     F[2, 4] = said[2]
-    moved = np.zeros((5, 5))
-    half = np.zeros((5, 5))
-    for i in range(5):
-        for j in range(5):
-            for k in range(5):
-                half[i, j] += F[i, k] * joint[k, j]
-    for i in range(5):
-        for j in range(5):
-            for k in range(5):
-                moved[i, j] += half[i, k] * F[j, k]
-    added = turn_axes(growth, pose[2])
-    for i in range(3):
-        for j in range(3):
-            moved[i, j] += added[i, j]
+    moved = sandwich(F, joint)
+    add(moved, turn_axes(growth, pose[2]))
     return moved
 
 
@@ -187,10 +175,8 @@ def _learn(joint: np.ndarray, step: np.ndarray, told: np.ndarray) -> tuple[np.nd
         for j in range(3):
             before[i, j] = joint[i, j]
     inverted = invert(before)
-    known = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            known[i, j] = inverted[i, j] + told[i, j]
+    known = inverted.copy()
+    add(known, told)
     after = invert(known)
     away = np.empty(3)
     for i in range(3):
@@ -203,9 +189,7 @@ def _learn(joint: np.ndarray, step: np.ndarray, told: np.ndarray) -> tuple[np.nd
                 A[i, j] += joint[3 + i, k] * inverted[k, j]
             learnt[i] += A[i, j] * away[j]
     result = np.zeros((5, 5))
-    for i in range(3):
-        for j in range(3):
-            result[i, j] = after[i, j]
+    add(result, after)
     for i in range(2):
         for j in range(3):
             for k in range(3):
