@@ -10,6 +10,7 @@ the interface takes, how long a call takes, and how soon a program that starts h
 LowState.
 """
 
+import argparse
 from collections.abc import Callable
 import contextlib
 import json
@@ -151,7 +152,11 @@ def say_share(domain: int) -> None:
 
 def main() -> None:
     """Simulate so long [s] and print what was measured."""
-    seconds, domain = float((sys.argv[1:] or ['60'])[0]), int((sys.argv[2:] or ['0'])[0])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('seconds', type=float, nargs='?', default=60.0, help='default: 60')
+    parser.add_argument('domain', type=int, nargs='?', default=0, help='of DDS; default: 0')
+    arguments = parser.parse_args()
+    seconds, domain = arguments.seconds, arguments.domain
     say_share(domain)
     wire = Watched(open_wire(domain, 'lo', ALL_OUT, ALL_INTO))
     go2 = SimulatedGo2(wire, print)
