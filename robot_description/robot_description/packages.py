@@ -159,14 +159,13 @@ class PackageFinder:
         self.own = tuple(dict.fromkeys(map(own_folder, paths)))
         self._around = list(dict.fromkeys(folder for p in paths for folder in workspaces(p)))
         self._below = cache(packages_below)
+        self._folders: dict[str, tuple[Path, ...]] = {}
 
-    def folders(self, name: str) -> Iterator[Path]:
-        """Yield the folders of packages of that name, the one that counts first."""
-        seen = set()
-        for folder in self._candidates(name):
-            if folder not in seen:
-                seen.add(folder)
-                yield folder
+    def folders(self, name: str) -> tuple[Path, ...]:
+        """Return the folders of packages of that name, the one that counts first."""
+        if name not in self._folders:
+            self._folders[name] = tuple(dict.fromkeys(self._candidates(name)))
+        return self._folders[name]
 
     def find(self, name: str) -> Path:
         """
@@ -324,6 +323,7 @@ class AllowedPaths:
 
     def __init__(self, description: Path, search: Sequence[Path] = ()) -> None:
         self.finder = PackageFinder(search, description)
+        self._added: set[Path] = set()
         self._folders: set[Path] = set()
         self.packages: list[Path] = list(self.finder.own)  # those that were found
         # A link to a description (colcon's symlink install) leads to its package as well.
@@ -332,6 +332,9 @@ class AllowedPaths:
 
     def add(self, folder: Path) -> None:
         """Allow a folder; of a package that colcon installed by links, its source as well."""
+        if folder in self._added:
+            return
+        self._added.add(folder)
         manifest = _resolved(folder / MANIFEST)
         self._folders.add(_resolved(folder))
         if manifest.name == MANIFEST:

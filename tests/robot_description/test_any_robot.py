@@ -309,6 +309,16 @@ def test_a_mesh_is_read_once_to_be_measured_often_and_again_when_it_changes(
     assert len(read) == 2
 
 
+def test_a_mesh_that_is_drawn_and_collides_is_opened_once_to_be_measured(tetrahedron, monkeypatch):
+    opened = []
+    monkeypatch.setattr('robot_description.meshes.load._check_beginning', opened.append)
+    meshes = mesh('visual', 'tetrahedron.obj') + mesh('collision', 'tetrahedron.obj', '2 2 2')
+    text = f'<robot name="r">{link("a", INERTIAL + meshes)}</robot>'
+    robot = parse_description(text, tetrahedron.parent / 'r.urdf').robot
+    assert len(robot.links['a'].shapes) == 2
+    assert opened == [tetrahedron]
+
+
 @for_all(('moment', 'is_mended'), [('1e-3', False), ('1', False), ('60', True)])
 def test_an_inertia_of_a_body_ten_times_the_robot_becomes_that_of_a_ball(moment, is_mended):
     """A box of 1 m: a radius of gyration of 5 m is that of no link of it."""

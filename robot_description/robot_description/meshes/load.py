@@ -35,6 +35,8 @@ WELD_DECIMALS = 6
 HASTE = 3.0
 # So many meshes are kept in memory: what was opened to be measured is simulated next.
 MOST_KEPT = 32
+# Of so many it is kept in memory how large they are: most are drawn and collide.
+MOST_MEASURED = 1024
 # The largest mesh in example-robot-data, the Go1's trunk, has 29 MB. Of a million triangles, 50 MB
 # as an STL, readers take 0.8 GB of memory.
 LARGEST_FILE = 52_000_000
@@ -125,10 +127,16 @@ def extent(path: Path) -> Extent:
     Raises:
         OSError, ValueError: the file cannot be read as a mesh.
     """
-    _check_beginning(path)
     status = path.stat()
     key = f'{CACHE_VERSION} {path.absolute()} {status.st_mtime_ns} {status.st_size}'
     cached = _cache_file(hashlib.sha256(os.fsencode(key)).hexdigest()[:32])
+    return _extent(path, key, cached)
+
+
+@lru_cache(maxsize=MOST_MEASURED)
+def _extent(path: Path, _: str, cached: Path | None) -> Extent:
+    """Return how large a mesh is; the second argument tells its contents apart."""
+    _check_beginning(path)
     found = _read_cache(cached, Extent)
     if found is None:
         vertices, faces = _decoded(path, _digest(path))
