@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Remembers what our own descriptions are, and what those of the catalogue expand to.
+Remembers what our own descriptions, the G1's and those of the catalogue are.
 
 Several tests read each of the catalogue: an expansion is a fork, up to a tenth of a second of a
-processor where everything is loaded. Of ours the product itself remembers it, but to parse them
-takes as long again, and tests load the same two robots some thousand times. Lint, and tests of
-expanding, expand by themselves; so does every program that is started from the beginning.
+processor where everything is loaded. Of ours the product itself remembers it, but to parse a
+description takes as long again, and tests load the same few robots some thousand times. Lint, and
+tests of expanding, expand by themselves; so does every program that is started from the beginning.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,8 @@ import robot_description
 
 OURS = Path(robot_description.__file__).parent / 'urdf'
 CATALOGUE = Path(__file__).parent / 'catalogue'
-# What decides where `$(find PACKAGE)` leads.
-PLACES = ('AMENT_PREFIX_PATH', 'ROS_PACKAGE_PATH')
+# What decides where `$(find PACKAGE)` leads, and who opens the meshes anew.
+PLACES = ('AMENT_PREFIX_PATH', 'ROS_PACKAGE_PATH', 'XDG_CACHE_HOME')
 
 
 def remember() -> None:
@@ -36,7 +36,7 @@ def _remembering(expand: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(expand)
     def expand_once(path: Path, arguments: Any = None, search: Any = ()) -> Any:
-        if not path.resolve().is_relative_to(CATALOGUE):
+        if not _is_in(path, CATALOGUE, *_others()):
             return expand(path, arguments, search)
         places = tuple(map(os.environ.get, PLACES))
         key = (path, tuple(sorted((arguments or {}).items())), tuple(search), places)
@@ -54,7 +54,7 @@ def _parsing_once(parse: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(parse)
     def parse_once(urdf: str, path: Path, search: Any = ()) -> Any:
-        if not path.resolve().is_relative_to(OURS):
+        if not _is_in(path, OURS, CATALOGUE, *_others()):
             return parse(urdf, path, search)
         key = (urdf, path, tuple(search), tuple(map(os.environ.get, PLACES)))
         if key not in known:
@@ -62,6 +62,19 @@ def _parsing_once(parse: Callable[..., Any]) -> Callable[..., Any]:
         return known[key]  # frozen
 
     return parse_once
+
+
+@functools.cache
+def _others() -> list[Path]:
+    """Return the descriptions of others that have a short name."""
+    from robot_description.packages import description_path, OTHERS
+
+    return [description_path(name).resolve() for name in OTHERS]
+
+
+def _is_in(path: Path, *places: Path) -> bool:
+    file = path.resolve()
+    return any(file.is_relative_to(place) for place in places)
 
 
 def _stamp(file: Path) -> tuple[int, int] | None:
