@@ -347,7 +347,7 @@ def test_a_network_slower_than_its_period_is_refused(tmp_path, policy, monkeypat
 
 
 @pytest.mark.slow
-def test_eighty_corrupted_files_end_in_a_line_or_a_policy(tmp_path, rng):
+def test_fifty_corrupted_files_end_in_a_line_or_a_policy(tmp_path, rng):
     weights, biases = layers(rng, 45, 16, 12)
     config = write(tmp_path, 'config.yaml', rl_sar(MOTORS))
     sources = {
@@ -356,15 +356,16 @@ def test_eighty_corrupted_files_end_in_a_line_or_a_policy(tmp_path, rng):
         'deploy.yaml': yaml.safe_dump(deploy(MOTORS), sort_keys=False).encode(),
         'b.onnx': onnx(weights, biases),
     }
+    names = ('a.onnx', 'a.pt', 'b.onnx', 'a.pt', 'deploy.yaml')
     (tmp_path / 'good.pt').write_bytes(sources['a.pt'])
     refused = 0
-    for trial in range(80):
-        name = list(sources)[trial % 4]
+    for trial in range(50):
+        name = names[trial % len(names)]
         data = bytearray(sources[name])
         if trial % 3 == 0:
             del data[rng.integers(len(data)) :]
         else:  # where the structure is, at the ends, as well as anywhere
-            for _ in range(1 + trial % 5):
+            for _ in range(1 + trial % 4):
                 reach = len(data) if trial % 2 else 200
                 at = int(rng.integers(reach))
                 data[-at if trial % 7 == 0 else at] = int(rng.integers(256))
@@ -377,7 +378,7 @@ def test_eighty_corrupted_files_end_in_a_line_or_a_policy(tmp_path, rng):
         except PolicyError as error:
             refused += 1
             assert '\n' not in str(error)
-    assert refused > 40
+    assert refused > 25
 
 
 NESTED = (

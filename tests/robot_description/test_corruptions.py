@@ -22,7 +22,7 @@ FILES = (
     EXAMPLES / 'hyq_description/robots/hyq_no_sensors.urdf',
     EXAMPLES / 'panda_description/urdf/panda.urdf',
 )
-ROUNDS = 17  # of each file: 102 in all
+ROUNDS = 9  # of each file: 54 in all
 # What is put in the place of something else.
 BITS = (
     *(
