@@ -4,9 +4,10 @@
 import random
 
 from mujoco_sim.viewer.clicks import CHANGE_PATIENCE, MOST_CHANGES, Mouse
-from mujoco_sim.viewer.input import GONE, LOSS, LOST, PageInput, SEVERAL, SILENCE
+from mujoco_sim.viewer.input import GONE, LOSS, PageInput, SEVERAL, SILENCE
 from page_puppet import code
 import pytest
+from wasd_core.timing import LOST
 
 W = frozenset({code('W')})
 NONE: frozenset[int] = frozenset()

@@ -3,9 +3,9 @@
 
 from cases import for_all
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from mujoco_sim.viewer.input import LOST, PAGE_KEYS, PageKeys
+from mujoco_sim.viewer.input import PAGE_KEYS, PageKeys
 import pytest
-from wasd_core.timing import HELD, RELEASE
+from wasd_core.timing import HELD, LOST, RELEASE
 
 from teleop_keyboard import keymap
 

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 HELD = 'HELD'
 RELEASE = 'RELEASE'
+# Stands among the keys where their driver has gone or fallen silent.
+LOST = 'LOST'
 # How all begin that are no press.
 NO_PRESS = (f'{HELD}+', f'{RELEASE}+')
 # No keyboard sends it: a program does, when the driver is gone. It ends what keys set moving.

@@ -61,13 +61,13 @@ def _publish_topic(node: Node, topic: SensorTopic) -> None:
 
 def _publish_compressed(node: Node, topic: SensorTopic) -> None:
     """Publish a camera's colours as JPEGs, by the name that image_transport gives them."""
-    # Here, because few robots have a camera.
-    from PIL import Image
-
     frame = topic.frame
     publisher = node.create_publisher(CompressedImage, f'{topic.name}/compressed', RELIABLE)
 
     def publish(now: float, fields: Fields) -> None:
+        # Here, because few look through a camera.
+        from PIL import Image
+
         shape = fields['height'], fields['width'], 3
         pixels = np.frombuffer(fields['data'], np.uint8).reshape(shape)
         written = io.BytesIO()

@@ -8,7 +8,7 @@ import threading
 import time
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from wasd_core.timing import HELD, HELD_PERIOD, RELEASE, REPEAT_RATE, Watchdog, with_event
+from wasd_core.timing import HELD, HELD_PERIOD, LOST, RELEASE, REPEAT_RATE, Watchdog, with_event
 
 from mujoco_sim.viewer.clicks import Clicks, IDLE, Mouse
 from mujoco_sim.viewer.turns import Turns
@@ -33,9 +33,6 @@ REPEAT_DELAY = 0.45
 LONGEST_PROOF = 0.1
 # More events than these are of no use to anybody: nobody is reading.
 MOST_EVENTS = 1000
-
-# Stands among the keys where their driver has gone or fallen silent.
-LOST = 'LOST'
 
 # Characters of the page's keys on a US keyboard, without and with Shift.
 _CHARACTERS = {

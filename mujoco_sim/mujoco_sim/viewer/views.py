@@ -7,10 +7,10 @@ from typing import Any, TYPE_CHECKING
 import warnings
 
 from wasd_core.errors import SimulationError
+from wasd_core.timing import LOST
 
 from mujoco_sim.viewer.camera import CameraView
 from mujoco_sim.viewer.drawing import PageContent
-from mujoco_sim.viewer.input import LOST
 from mujoco_sim.world import World
 
 # Between two pictures [s].

@@ -7,7 +7,6 @@ import sys
 import time
 from typing import Any, TYPE_CHECKING
 
-from mujoco_sim.viewer.input import LOST as LOST_KEY
 from mujoco_sim.world import World
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.key_reader import KeyReader
@@ -15,6 +14,7 @@ from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
 from wasd_core.timing import HELD, RELEASE, split_event, TWIST_RATE
+from wasd_core.timing import LOST as LOST_KEY
 
 from wasd_bringup.run.drivers import Driver, E_STOP, LOST, SCRIPTS
 from wasd_bringup.run.face import Face
