@@ -29,7 +29,8 @@ class TableWire:
         self.on_tell = {}  # by topic: what is done with each message
         self.waits = 0
         # Pictures and clouds take long: who looks at them says so.
-        self.unheard = {topics.VIDEO.name, *(topic.name for topic in topics.LIDAR_OUT)}
+        slow = (topics.VIDEO, topics.response('videohub'), *topics.LIDAR_OUT)
+        self.unheard = {topic.name for topic in slow}
 
     def publish(self, topic, raw):
         self.told[topic.name].append(raw)

@@ -22,6 +22,7 @@ from unitree_bridge.services import TRICKS
 from unitree_bridge.shapes import STRING
 from unitree_bridge.simulated import ALL_INTO
 from unitree_rig import GOLDEN, low_cmd, request, Rig
+from wasd_core.errors import UserError
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 from unitree_bridge import topics
@@ -512,6 +513,26 @@ def test_the_front_video_has_three_sizes_of_one_picture():
     sizes = [Image.open(io.BytesIO(said[f'video{lines}p'])).size for lines in (720, 360, 180)]
     assert sizes == [(1280, 720), (640, 360), (320, 180)]
     assert said['time_frame'] == 400_000
+
+
+@pytest.mark.slow
+def test_the_first_picture_is_prepared_before_a_client_that_has_come_asks_for_one(monkeypatch):
+    rig, taken = unheard(), []
+
+    def picture():
+        taken.append(rig.go2.robot.time)
+        if len(taken) == 1:
+            raise UserError('nothing renders here')
+        return b'jpeg'
+
+    monkeypatch.setattr(rig.go2.robot, 'picture', picture)
+    rig.run(0.1)
+    assert not taken
+    hear(rig, topics.response('videohub'))
+    rig.run(0.2)
+    assert len(taken) == 1
+    assert not any('picture' in line for line in rig.said)
+    assert rig.call('videohub', 1001) == (OK, '', b'jpeg')
 
 
 def fuzzed(topic, rng):

@@ -44,6 +44,7 @@ MOVING = ('sport', 'obstacles_avoid')
 OUT = (*topics.OUT, *map(topics.response, (*SERVICES, f'{LEASED}_lease')))
 _REQUESTS = tuple(map(topics.request, (*SERVICES, f'{LEASED}_lease')))
 INTO = (*topics.IN, *_REQUESTS)
+_PICTURES = topics.response('videohub')
 # What comes now and then, looked for all at once.
 _ASKED = (topics.REMOTE, *_REQUESTS)
 
@@ -91,12 +92,13 @@ class Bridge:
     def _make_services(self) -> list[Service]:
         avoid = ObstaclesAvoid(self._robot, lambda velocity: self._sport.move(velocity))
         self._sport = Sport(self.motion, self.low, avoid, self._say)
+        self._video_hub = VideoHub(self._robot, self._say)
         return [
             self._sport,
             MotionSwitcher(self.low, self.release_motors),
             avoid,
             RobotState(self.low, self.release_motors, list(SERVICES)),
-            VideoHub(self._robot, self._say),
+            self._video_hub,
             Vui(),
             Leases(LEASED, lambda: self._robot.time),
         ]
@@ -212,6 +214,8 @@ class Bridge:
         wire = self._wire
         wire.look()
         self._wanted = [self._video] if wire.is_heard(topics.VIDEO) else []
+        if wire.is_heard(_PICTURES):  # a client that will ask soon, and wait for a second or three
+            self._video_hub.prepare()
         if self._lidar is not None:
             self._lidar.take_switch(wire)
             if any(map(wire.is_heard, topics.LIDAR_OUT)):

@@ -2,6 +2,7 @@
 """The services of the Go2 that its SDK has clients of; ids and parameters are the SDK's."""
 
 from collections.abc import Callable
+import contextlib
 from functools import partial
 from typing import Any
 
@@ -263,6 +264,14 @@ class VideoHub(Service):
     def __init__(self, robot: LegsRobot, say: Say) -> None:
         self._robot, self._say = robot, say
         self._handlers = {1001: self._picture}
+        self._is_ready = False
+
+    def prepare(self) -> None:
+        """Take a first picture, which takes as long as tens of later ones; once."""
+        if not self._is_ready:
+            self._is_ready = True
+            with contextlib.suppress(UserError):  # who asks for one is told
+                self._robot.picture()
 
     def _picture(self, _: Parameters) -> Answer:
         try:
