@@ -684,3 +684,7 @@ def test_a_goal_that_was_no_place_is_told_at_the_end():
     ]
     lines = list(_missed_goals({'navigation': {'goals': goals}}))
     assert lines == ['goal 1.5 0 failed: no way', "goal refused: wanted a pose in 'map'"]
+    again = {'goal': [1.5, 0.0, None], 'state': 'failed', 'reason': 'a box'}
+    lines = list(_missed_goals({'navigation': {'goals': [*goals, again, again]}}))
+    assert lines[0] == 'goal 1.5 0 failed: a box (3 times)'
+    assert len(lines) == 2

@@ -12,7 +12,7 @@ import pytest
 from wasd_navigation.actions import action_type
 from wasd_navigation.navigator import Outcome
 from wasd_navigation.robot_navigator import RobotNavigator
-from wasd_navigation.waypoints import Waypoints
+from wasd_navigation.waypoints import PATROL_REST, Waypoints
 
 FollowWaypoints = action_type('FollowWaypoints')
 GOALS = [np.array([x, 0.0, 0.0]) for x in (1.0, 2.0, 3.0)]
@@ -44,6 +44,33 @@ def test_a_patrol_ends_when_it_reached_nothing_in_a_round():
     assert ends == [None] * 102
     assert waypoints.end(FAILED).state == 'failed'
     assert waypoints.missed == []  # which would grow for ever
+
+
+def test_a_patrol_rests_where_it_reached_no_goal_but_the_one_at_which_it_stands():
+    waypoints = Waypoints(GOALS[:2], rounds=None)
+    assert waypoints.end(ARRIVED) is None
+    assert waypoints.end(FAILED) is None
+    assert not waypoints.rest(0.05)
+    for _ in range(3):
+        assert waypoints.end(ARRIVED) is None
+        assert waypoints.rest(PATROL_REST - 0.1)
+        assert not waypoints.rest(0.2)
+        assert waypoints.end(FAILED) is None
+        assert not waypoints.rest(0.05)
+    waypoints.end(ARRIVED)
+    waypoints.rest(PATROL_REST)
+    assert waypoints.end(ARRIVED) is None
+    assert waypoints.end(ARRIVED) is None
+    assert not waypoints.rest(0.05)
+
+
+def test_a_navigator_on_a_patrol_stands_during_a_rest(unit):
+    unit.follow(Waypoints(GOALS[:1], rounds=None))
+    step(unit, round(1.5 * PATROL_REST / 0.05))
+    assert len(unit.navigator.pilot.goals) == 3
+    assert unit.is_following
+    unit.stop('a key takes over')
+    assert not unit.is_following
 
 
 def test_a_goal_that_is_cancelled_ends_all():

@@ -132,7 +132,11 @@ class RobotNavigator:
             self.stop(why)
         if self.explorer is not None:
             self._explore(self.explorer, dt)
-        elif self._waypoints is not None and self.navigator.goal is None:
+        elif (
+            self._waypoints is not None
+            and self.navigator.goal is None
+            and not self._waypoints.rest(dt)
+        ):
             self._drive_on(self._waypoints)
         velocity = self.navigator.step(dt)
         if velocity is not None:

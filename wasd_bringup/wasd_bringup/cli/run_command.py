@@ -201,10 +201,14 @@ def _summary(run: Run, options: RunOptions) -> str:
 
 
 def _missed_goals(report: dict[str, Any]) -> Iterator[str]:
-    """Yield a line of each goal that a robot has not reached."""
+    """Yield a line of each goal that a robot has not reached; of a patrol with the last reason."""
     for robot in report.get('robots', {'': report}).values():
+        lines = dict[str, list[str]]()
         for goal in robot.get('navigation', {}).get('goals', ()):
             if goal['state'] in ('refused', 'failed'):
                 x, y, _ = goal['goal']  # it may be none at all
                 where = '' if x is None else f' {round(x, 2):zg} {round(y, 2):zg}'
-                yield f'goal{where} {goal["state"]}: {goal["reason"]}'
+                lines.setdefault(f'goal{where} {goal["state"]}', []).append(goal['reason'])
+        for line, reasons in lines.items():
+            times = f' ({len(reasons)} times)' if len(reasons) > 1 else ''
+            yield f'{line}: {reasons[-1]}{times}'
