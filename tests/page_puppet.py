@@ -101,7 +101,7 @@ class PagePuppet:
         self._stop = threading.Event()
         self._sending = threading.Lock()
         self._stack = contextlib.ExitStack()
-        self._rest = b''
+        self._unread = b''
 
     def __enter__(self) -> Self:
         """Connect, and draw from now on."""
@@ -240,9 +240,13 @@ class PagePuppet:
                 time.sleep(0.002)
             self.draw()
 
+    def _rest(self) -> bool:
+        """Wait until the next picture is to be drawn; return whether none is any more."""
+        return self._stop.wait(1.0 / self.rate)
+
     def _draw(self) -> None:
         with contextlib.suppress(ConnectionClosed):
-            while not self._stop.wait(1.0 / self.rate):
+            while not self._rest():
                 if not self.is_silent:
                     self.shown.append(self.frames)
                     text, self._text = self._text, ''
@@ -261,9 +265,9 @@ class PagePuppet:
                 self.frames += kind == DRAW_TYPE
 
     def _read(self, size: int) -> bytes:
-        while len(self._rest) < size:
-            self._rest += self.socket.recv()
-        data, self._rest = self._rest[:size], self._rest[size:]
+        while len(self._unread) < size:
+            self._unread += self.socket.recv()
+        data, self._unread = self._unread[:size], self._unread[size:]
         return data
 
 

@@ -51,7 +51,7 @@ def scenario_each_state_is_a_button_and_what_cannot_follow_is_grey_with_the_reas
     shown = [state for state in STATE_KEYS.values() if state != 'policy']  # it plays no network
     assert [choice.name for choice in page.snapshot.choices] == shown
     for choice in page.snapshot.choices:
-        page.show(choice.name)
+        page.wait_until(lambda name=choice.name: name in page.rects, choice.name)
         key = next(key for key, state in STATE_KEYS.items() if state == choice.name)
         may_follow = key in TRANSITIONS[STATE_KEYS['1']]
         assert bool(choice.refusal) != may_follow or choice.is_on

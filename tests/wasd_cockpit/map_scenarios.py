@@ -6,7 +6,7 @@ import math
 import time
 
 from mujoco_sim.viewer.input import SEVERAL, SILENCE
-from run_scenarios import Page, RATE
+from run_scenarios import Page
 from wasd_cockpit.panels.map import REACHES
 
 
@@ -52,11 +52,11 @@ def scenario_a_click_is_a_goal_that_a_key_takes_away(page: Page) -> None:
 
 def scenario_a_click_on_a_slow_page_is_a_goal(page: Page) -> None:
     place = at_floor(page, 0.8)
-    page.puppet.rate = 1.6
+    usual, page.puppet.rate = page.puppet.rate, 1.6
     page.puppet.press_at(place)
     page.puppet.let_go()
     page.wait_until(lambda: goal(page) is not None, 'no goal')
-    page.puppet.rate = RATE
+    page.puppet.rate = usual
     page.click('cancel goal')
     page.wait_until(lambda: goal(page) is None, 'the goal stays')
 

@@ -89,8 +89,14 @@ class Cockpit:
     Everything here is called in the viewer's thread.
     """
 
-    def __init__(self, link: Link, settings: Path | None = None) -> None:
-        """Take the link, and the file in which what is chosen on the page is kept."""
+    def __init__(
+        self,
+        link: Link,
+        settings: Path | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Take the link, the file in which what is chosen is kept, a clock of wall time [s]."""
+        self._clock = clock
         sight = Sight(lambda: link.snapshot)
         self.page = PageState(link, Widgets(), Layout(), sight)
         self.scene = Scene()
@@ -176,7 +182,7 @@ class Cockpit:
         # No button is held that ImGui has down since before a silence, whose end it hears of a
         # frame late, and none clicks since before a loss. A page of another size counts as lost,
         # for its panels move away below the finger.
-        before, self._began = self._began, time.monotonic()
+        before, self._began = self._began, self._clock()
         silence = max(self._began - before if self._is_down else 0.0, page_input.silence)
         if is_moved:
             silence = math.inf
