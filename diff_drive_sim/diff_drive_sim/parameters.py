@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from robot_description.morphology.wheels import WheelChoice
 from wasd_core.command_line import Executable
-from wasd_core.parameters import InvalidParameter, parameter, Parameters
+from wasd_core.parameters import fixed, InvalidParameter, parameter, Parameters
 
 from diff_drive_sim import MODES
 from diff_drive_sim.limits import AxisLimits
@@ -133,45 +133,36 @@ UNKNOWN = 1e6
 class OdometryParameters(Parameters):
     """Odometry, its frames and covariances."""
 
-    odom_frame_id: str = parameter('odom', doc='Frame in which odometry is given', read_only=True)
-    base_frame_id: str = parameter(
+    odom_frame_id: str = fixed('odom', doc='Frame in which odometry is given')
+    base_frame_id: str = fixed(
         '',
         doc="Frame of the robot that odometry follows; empty: the description's root, or what "
         'floats below its world',
-        read_only=True,
     )
-    enable_odom_tf: bool = parameter(
-        True, doc='Publish odometry as a transform on /tf, too', read_only=True
-    )
-    odometry_feedback: str = parameter(
+    enable_odom_tf: bool = fixed(True, doc='Publish odometry as a transform on /tf, too')
+    odometry_feedback: str = fixed(
         'joint_states',
         doc='Input of odometry: exact wheel angles, or whole encoder ticks',
         choices=('joint_states', 'ticks'),
-        read_only=True,
     )
-    open_loop: bool = parameter(
-        False, doc='Compute odometry from commands, not from the wheels', read_only=True
-    )
-    velocity_rolling_window_size: int = parameter(
+    open_loop: bool = fixed(False, doc='Compute odometry from commands, not from the wheels')
+    velocity_rolling_window_size: int = fixed(
         10,
         minimum=1,
         maximum=1000,
         doc='Number of steps over which the velocity of odometry is averaged',
-        read_only=True,
     )
-    pose_covariance_diagonal: tuple[float, ...] = parameter(
+    pose_covariance_diagonal: tuple[float, ...] = fixed(
         (0.0, 0.0, UNKNOWN, UNKNOWN, UNKNOWN, 0.0),
         minimum=0.0,
         maximum=1000000000.0,
         doc='Variances of x, y, z, roll, pitch, yaw at the start, in m^2 and rad^2',
-        read_only=True,
     )
-    twist_covariance_diagonal: tuple[float, ...] = parameter(
+    twist_covariance_diagonal: tuple[float, ...] = fixed(
         (1e-4, 1e-4, UNKNOWN, UNKNOWN, UNKNOWN, 1e-4),
         minimum=0.0,
         maximum=1000000000.0,
         doc='Variances of the twist at rest, in (m/s)^2 and (rad/s)^2',
-        read_only=True,
     )
     distance_variance: float = parameter(
         2.5e-5,
@@ -197,15 +188,14 @@ class OdometryParameters(Parameters):
     twist_error: float = parameter(
         0.02, minimum=0.0, maximum=1.0, doc='Standard deviation of a velocity as a share of it'
     )
-    publish_rate: float = parameter(
-        50.0, minimum=1.0, maximum=1000.0, doc='Rate of odom and /tf', unit='Hz', read_only=True
+    publish_rate: float = fixed(
+        50.0, minimum=1.0, maximum=1000.0, doc='Rate of odom and /tf', unit='Hz'
     )
-    joint_names: str = parameter(
+    joint_names: str = fixed(
         'urdf',
         doc="Names in joint_states: the description's, arbotix's base_l_wheel_joint and "
         "base_r_wheel_joint, or both; a simulator publishes the description's in any case",
         choices=('urdf', 'arbotix', 'both'),
-        read_only=True,
     )
 
     def __post_init__(self) -> None:
@@ -222,71 +212,54 @@ class OdometryParameters(Parameters):
 class WheelParameters(Parameters):
     """Wheels and their speed loop."""
 
-    mode: str = parameter(
+    mode: str = fixed(
         'float',
         doc='Drive of the wheels: a PID loop on encoder ticks, the integer loop of the ArbotiX '
         'firmware, or nothing but arithmetic, without physics and motors',
         choices=MODES,
-        read_only=True,
     )
-    legacy: bool = parameter(
+    legacy: bool = fixed(
         False,
         doc='Mode arbotix: also ramp, time-out and odometry as arbotix_driver had them, slips '
         'included',
-        read_only=True,
     )
-    left_wheel_names: tuple[str, ...] = parameter(
-        (), doc='Joint of the left wheel; empty: found in the description', read_only=True
+    left_wheel_names: tuple[str, ...] = fixed(
+        (), doc='Joint of the left wheel; empty: found in the description'
     )
-    right_wheel_names: tuple[str, ...] = parameter(
-        (), doc='Joint of the right wheel; empty: found in the description', read_only=True
+    right_wheel_names: tuple[str, ...] = fixed(
+        (), doc='Joint of the right wheel; empty: found in the description'
     )
-    wheel_separation: float = parameter(
+    wheel_separation: float = fixed(
         0.0,
         minimum=0.01,
         or_zero=True,
         maximum=10.0,
         doc="Distance of the wheels; 0: the description's",
         unit='m',
-        read_only=True,
     )
-    wheel_radius: float = parameter(
+    wheel_radius: float = fixed(
         0.0,
         minimum=0.002,
         or_zero=True,
         maximum=5.0,
         doc="Radius of the wheels; 0: the description's",
         unit='m',
-        read_only=True,
     )
-    wheel_separation_multiplier: float = parameter(
-        1.0,
-        minimum=0.1,
-        maximum=10.0,
-        doc='Calibration: corrects the distance of the wheels',
-        read_only=True,
+    wheel_separation_multiplier: float = fixed(
+        1.0, minimum=0.1, maximum=10.0, doc='Calibration: corrects the distance of the wheels'
     )
-    left_wheel_radius_multiplier: float = parameter(
-        1.0,
-        minimum=0.1,
-        maximum=10.0,
-        doc='Calibration: corrects the radius of the left wheel',
-        read_only=True,
+    left_wheel_radius_multiplier: float = fixed(
+        1.0, minimum=0.1, maximum=10.0, doc='Calibration: corrects the radius of the left wheel'
     )
-    right_wheel_radius_multiplier: float = parameter(
-        1.0,
-        minimum=0.1,
-        maximum=10.0,
-        doc='Calibration: corrects the radius of the right wheel',
-        read_only=True,
+    right_wheel_radius_multiplier: float = fixed(
+        1.0, minimum=0.1, maximum=10.0, doc='Calibration: corrects the radius of the right wheel'
     )
-    ticks_meter: float = parameter(
+    ticks_meter: float = fixed(
         4100.0,
         minimum=10.0,
         maximum=1000000.0,
         doc='Encoder ticks per metre of wheel travel',
         unit='1/m',
-        read_only=True,
     )
     Kp: float = parameter(
         5.0,
@@ -307,13 +280,12 @@ class WheelParameters(Parameters):
         doc='PWM steps times Ko per tick behind and 1/30 s that it stays so',
     )
     Ko: float = parameter(50.0, minimum=1.0, maximum=1000.0, doc='Divisor of the three gains')
-    rate: float = parameter(
+    rate: float = fixed(
         10.0,
         minimum=1.0,
         maximum=100.0,
         doc='Legacy: rate of the loop of arbotix_driver, which slips',
         unit='Hz',
-        read_only=True,
     )
 
     def wheel_choice(self) -> WheelChoice:
@@ -347,16 +319,13 @@ class WheelParameters(Parameters):
 class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
     """Everything that can be set; the wheels' geometry comes from the robot's description."""
 
-    description: str = parameter(
+    description: str = fixed(
         'mbot',
         doc='Robot whose wheels are driven: a built-in name, or a xacro or URDF file; '
         'not used when the controller is composed with a simulator',
-        read_only=True,
     )
-    controller: str = parameter(
-        '',
-        doc="YAML file with parameters: arbotix's, ros2_controllers' or a ROS 2 parameter file",
-        read_only=True,
+    controller: str = fixed(
+        '', doc="YAML file with parameters: arbotix's, ros2_controllers' or a ROS 2 parameter file"
     )
     cmd_vel_timeout: float = parameter(
         0.5,
@@ -365,24 +334,22 @@ class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
         doc='Silence on cmd_vel after which the robot stops; 0: never',
         unit='s',
     )
-    stamped: bool = parameter(False, doc='Take cmd_vel as TwistStamped, not Twist', read_only=True)
-    publish_limited_velocity: bool = parameter(
-        False, doc='Publish the velocity within the limits on ~/cmd_vel_out', read_only=True
+    stamped: bool = fixed(False, doc='Take cmd_vel as TwistStamped, not Twist')
+    publish_limited_velocity: bool = fixed(
+        False, doc='Publish the velocity within the limits on ~/cmd_vel_out'
     )
-    update_rate: float = parameter(
+    update_rate: float = fixed(
         200.0,
         minimum=20.0,
         maximum=1000.0,
         doc='Rate of the controller in lock-step and in mode fake; mode arbotix has 500',
         unit='Hz',
-        read_only=True,
     )
-    diagnostic_rate: float = parameter(
+    diagnostic_rate: float = fixed(
         1.0,
         minimum=0.01,
         or_zero=True,
         maximum=100.0,
         doc='Rate of diagnostics; 0: none',
         unit='Hz',
-        read_only=True,
     )

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 from wasd_core.arguments import check
 from wasd_core.command_line import Executable
 from wasd_core.errors import UserError
-from wasd_core.parameters import InvalidParameter, parameter, Parameters
+from wasd_core.parameters import fixed, InvalidParameter, parameter, Parameters
 from wasd_core.robot_io import LEG_RATE
 
 WORLD_NAMES = (
@@ -50,18 +50,12 @@ class BoxSize(NamedTuple):
 class SimulatorParameters(Parameters):
     """What the simulator loads and how fast it runs and publishes."""
 
-    description: str = parameter(
-        'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
+    description: str = fixed('mbot', doc='Robot: a built-in name, or a xacro or URDF file')
+    controller: str = fixed(
+        '', doc='YAML file of a drive controller: the wheels that it names get the motors'
     )
-    controller: str = parameter(
-        '',
-        doc='YAML file of a drive controller: the wheels that it names get the motors',
-        read_only=True,
-    )
-    world: str = parameter('flat', doc=f'World: {WORLD_NAMES}, {WORLD_KINDS}', read_only=True)
-    seed: int = parameter(
-        0, minimum=0, maximum=2**63 - 1, doc='Seed of all random numbers', read_only=True
-    )
+    world: str = fixed('flat', doc=f'World: {WORLD_NAMES}, {WORLD_KINDS}')
+    seed: int = fixed(0, minimum=0, maximum=2**63 - 1, doc='Seed of all random numbers')
     speed: float = parameter(
         1.0,
         minimum=0.001,
@@ -69,61 +63,46 @@ class SimulatorParameters(Parameters):
         or_zero=True,
         doc='Target real-time factor; 0 is as fast as possible',
     )
-    clock_rate: float = parameter(
-        100.0, minimum=1.0, maximum=1000.0, doc='Rate of /clock', unit='Hz', read_only=True
-    )
-    state_rate: float = parameter(
+    clock_rate: float = fixed(100.0, minimum=1.0, maximum=1000.0, doc='Rate of /clock', unit='Hz')
+    state_rate: float = fixed(
         math.nan,
         minimum=1.0,
         maximum=1000.0,
         doc='Rate of imu/data, joint_states, foot_contacts and ground_truth/odom',
         unit='Hz',
-        read_only=True,
         nan=f'{LEG_RATE:g} for legs, as their controller needs, {STATE_RATE:g} for another robot, '
         f'{SHOWN_RATE:g} beside a controller in the same process',
     )
-    sensor_noise: bool = parameter(
-        True,
-        doc='Add noise to lidars, cameras and the sensors of a legged robot',
-        read_only=True,
+    sensor_noise: bool = fixed(
+        True, doc='Add noise to lidars, cameras and the sensors of a legged robot'
     )
-    lidar: str = parameter(
+    lidar: str = fixed(
         HONEST,
         doc='What lidars are like: as their tags say, all rays of one instant, or a planar model',
         choices=LIDAR_NAMES,
-        read_only=True,
     )
-    friction: float = parameter(
+    friction: float = fixed(
         math.nan,
         doc='Friction of feet or wheels on any floor; the controller does not know it',
         minimum=FRICTION[0],
         maximum=FRICTION[1],
-        read_only=True,
         nan='what the description says',
     )
-    payload: str = parameter(
-        '',
-        doc='Load on the base, KG or KG@X,Y,Z in its frame; the controller does not know it',
-        read_only=True,
+    payload: str = fixed(
+        '', doc='Load on the base, KG or KG@X,Y,Z in its frame; the controller does not know it'
     )
-    randomise: float = parameter(
+    randomise: float = fixed(
         0.0,
         doc='Random difference of a quadruped from its description, by the seed',
         minimum=0.0,
         maximum=1.0,
-        read_only=True,
     )
-    hoist: bool = parameter(
+    hoist: bool = fixed(
         False,
         doc='Begin on a hoist, upright: for a robot on two legs, until its controller holds it',
-        read_only=True,
     )
-    imu_drift: float = parameter(
-        1.0,
-        minimum=0.0,
-        maximum=100.0,
-        doc='Drift of the noisy IMU, in multiples of the default',
-        read_only=True,
+    imu_drift: float = fixed(
+        1.0, minimum=0.0, maximum=100.0, doc='Drift of the noisy IMU, in multiples of the default'
     )
     camera_scale: float = parameter(
         1.0,

@@ -4,25 +4,19 @@
 from dataclasses import dataclass
 
 from wasd_core.command_line import Executable
-from wasd_core.parameters import parameter, Parameters
+from wasd_core.parameters import fixed, Parameters
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyNodeParameters(Parameters):
     """Which robot, and by which network it walks."""
 
-    description: str = parameter(
-        'g1', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
+    description: str = fixed('g1', doc='Robot: a built-in name, or a xacro or URDF file')
+    policy: str = fixed(
+        '', doc="Network that walks: an ONNX or TorchScript file; '' is none, and a G1 only stands"
     )
-    policy: str = parameter(
-        '',
-        doc="Network that walks: an ONNX or TorchScript file; '' is none, and a G1 only stands",
-        read_only=True,
-    )
-    policy_config: str = parameter(
-        '',
-        doc='File or preset with the training settings, if the network has none',
-        read_only=True,
+    policy_config: str = fixed(
+        '', doc='File or preset with the training settings, if the network has none'
     )
 
 

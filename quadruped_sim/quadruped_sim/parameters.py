@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 
 from wasd_core.command_line import Executable
 from wasd_core.feed import ENOUGH
-from wasd_core.parameters import group, parameter, Parameters
+from wasd_core.parameters import fixed, group, parameter, Parameters
 from wasd_core.robot_io import GRAVITY, LEG_RATE
 
 from quadruped_sim.tuning import (
@@ -76,34 +76,25 @@ class LegControllerParameters(Parameters):
 class LegNodeParameters(LegControllerParameters):
     """Which robot, how it is estimated, its rates and frames; and the tuning, in groups."""
 
-    description: str = parameter(
-        'go2', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
-    )
-    estimator: str = parameter(
+    description: str = fixed('go2', doc='Robot: a built-in name, or a xacro or URDF file')
+    estimator: str = fixed(
         'kalman',
         choices=('kalman', 'truth'),
         doc='Base state from IMU and legs, or from the simulator',
-        read_only=True,
     )
-    controller: str = parameter(
-        '',
-        doc='YAML file with parameters: a plain table or a ROS 2 parameter file',
-        read_only=True,
+    controller: str = fixed(
+        '', doc='YAML file with parameters: a plain table or a ROS 2 parameter file'
     )
-    policy: str = parameter(
-        '',
-        doc="Network that walks (2, then p): an ONNX or TorchScript file, or ours; '' is none",
-        read_only=True,
+    policy: str = fixed(
+        '', doc="Network that walks (2, then p): an ONNX or TorchScript file, or ours; '' is none"
     )
-    policy_config: str = parameter(
-        '',
-        doc='File or preset with the training settings, if the network has none',
-        read_only=True,
+    policy_config: str = fixed(
+        '', doc='File or preset with the training settings, if the network has none'
     )
     eyes: bool = parameter(
         False, doc='Walk by sight: footholds and base by the heights that the lidar has seen'
     )
-    update_rate: float = parameter(
+    update_rate: float = fixed(
         LEG_RATE,
         doc='Rate of the controller in lock-step; alone it steps at each state, and moves nothing '
         f'while they come at less than {ENOUGH} of it',
@@ -112,14 +103,13 @@ class LegNodeParameters(LegControllerParameters):
         # allows; at 300 it does not.
         minimum=300.0,
         maximum=1000.0,
-        read_only=True,
     )
-    publish_rate: float = parameter(
-        50.0, minimum=1.0, maximum=500.0, doc='Rate of odom and /tf', unit='Hz', read_only=True
+    publish_rate: float = fixed(
+        50.0, minimum=1.0, maximum=500.0, doc='Rate of odom and /tf', unit='Hz'
     )
-    odom_frame: str = parameter('odom', doc='Frame in which odometry is given', read_only=True)
-    base_frame: str = parameter(
-        '', doc="Frame of the robot that odometry follows; '' is its root link", read_only=True
+    odom_frame: str = fixed('odom', doc='Frame in which odometry is given')
+    base_frame: str = fixed(
+        '', doc="Frame of the robot that odometry follows; '' is its root link"
     )
 
     @classmethod

@@ -4,20 +4,16 @@
 from dataclasses import dataclass
 
 from wasd_core.command_line import Executable
-from wasd_core.parameters import parameter, Parameters
+from wasd_core.parameters import fixed, parameter, Parameters
 
 
 @dataclass(frozen=True, kw_only=True)
 class StatePublisherParameters(Parameters):
     """What the state publisher publishes."""
 
-    description: str = parameter(
-        'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
-    )
-    controller: str = parameter(
-        '',
-        doc='YAML file of a drive controller: the springs of the wheels that it names are held',
-        read_only=True,
+    description: str = fixed('mbot', doc='Robot: a built-in name, or a xacro or URDF file')
+    controller: str = fixed(
+        '', doc='YAML file of a drive controller: the springs of the wheels that it names are held'
     )
     publish_frequency: float = parameter(
         50.0,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wasd_core.command_line import Executable
-from wasd_core.parameters import group, parameter, Parameters
+from wasd_core.parameters import fixed, group, parameter, Parameters
 
 from teleop_keyboard.keymap import (
     HIGHEST_ACCEL,
@@ -90,20 +90,16 @@ def _ramp(doc: str, unit: str) -> Any:
 
 
 def _stamped(doc: str = 'Publish TwistStamped, not Twist.') -> Any:
-    return parameter(False, doc=doc, read_only=True)
+    return fixed(False, doc=doc)
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeyParameters(Parameters):
     """What the key publisher sends."""
 
-    raw: bool = parameter(
-        False, doc='Publish one message for each character, like the tutorials.', read_only=True
-    )
-    help: str = parameter(
-        '',
-        doc="Help text of the keys, shown at start together with the robot's state.",
-        read_only=True,
+    raw: bool = fixed(False, doc='Publish one message for each character, like the tutorials.')
+    help: str = fixed(
+        '', doc="Help text of the keys, shown at start together with the robot's state."
     )
 
 
@@ -119,14 +115,11 @@ class MuxParameters(Parameters):
 class TeleopParameters(Parameters):
     """What a user may set; 0 and `preset` mean: as the keymap says."""
 
-    preset: str = parameter(
-        'mbot', doc='Keymap: a name (see `wasd keys`) or the path of a YAML file.', read_only=True
-    )
-    layout: str = parameter(
+    preset: str = fixed('mbot', doc='Keymap: a name (see `wasd keys`) or the path of a YAML file.')
+    layout: str = fixed(
         'qwerty',
         doc='Keyboard: a preset means positions of keys, as labelled on qwerty.',
         choices=LAYOUTS,
-        read_only=True,
     )
     mode: str = parameter(
         AS_PRESET,
@@ -260,10 +253,9 @@ class JoyParameters(Parameters):
     enable_button: int = _button(4, 'While held, the sticks drive')
     enable_turbo_button: int = _button(5, 'While held, they drive at the turbo scales')
     inverted_reverse: bool = parameter(False, doc='Turn the other way while reversing.')
-    keys: tuple[str, ...] = parameter(
+    keys: tuple[str, ...] = fixed(
         ('B=STOP', 'SELECT=TAB'),
         doc='Keys that buttons press: BUTTON=KEY, or BUTTON+BUTTON=KEY for both at once.',
-        read_only=True,
     )
     axis_linear: LinearAxes = group(LinearAxes)
     axis_angular: AngularAxes = group(AngularAxes)
@@ -309,16 +301,13 @@ PAD_HELP = {
 class PadParameters(Parameters):
     """Which pad, and how it is told of."""
 
-    device: str = parameter(
-        '',
-        doc="Device of the gamepad, like /dev/input/js0; '': the first that appears.",
-        read_only=True,
+    device: str = fixed(
+        '', doc="Device of the gamepad, like /dev/input/js0; '': the first that appears."
     )
-    preset: str = parameter(
+    preset: str = fixed(
         'mbot',
         doc='Source of the parameters below that are not given.',
         choices=tuple(PAD_PRESETS),
-        read_only=True,
     )
     deadzone: float = parameter(
         0.05, doc='Dead zone around the centre of an axis, as a share.', minimum=0.0, maximum=0.9

@@ -3,6 +3,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 import dataclasses
+import functools
 import math
 import operator
 from types import MappingProxyType
@@ -70,6 +71,10 @@ def parameter(
             'or_zero': or_zero,
         },
     )
+
+
+# A parameter that is fixed once a node has started.
+fixed = functools.partial(parameter, read_only=True)
 
 
 def group(definition: 'type[Parameters]') -> Any:

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 
 from wasd_core.command_line import Executable
-from wasd_core.parameters import group, parameter, Parameters
+from wasd_core.parameters import fixed, group, parameter, Parameters
 
 from wasd_navigation.parameters import SizeParameters
 
@@ -94,12 +94,8 @@ class BrakingParameters(Parameters):
 class GuardNodeParameters(SizeParameters, GuardParameters):
     """What the node needs beside that."""
 
-    cmd_vel_in_topic: str = parameter(
-        'cmd_vel_smoothed', doc='Topic of incoming commands', read_only=True
-    )
-    cmd_vel_out_topic: str = parameter('cmd_vel', doc='Topic of limited commands', read_only=True)
-    enable_stamped_cmd_vel: bool = parameter(
-        False, doc='Commands are TwistStamped, not Twist', read_only=True
-    )
-    scan_topic: str = parameter('scan', name='scan.topic', doc='Topic of scans', read_only=True)
+    cmd_vel_in_topic: str = fixed('cmd_vel_smoothed', doc='Topic of incoming commands')
+    cmd_vel_out_topic: str = fixed('cmd_vel', doc='Topic of limited commands')
+    enable_stamped_cmd_vel: bool = fixed(False, doc='Commands are TwistStamped, not Twist')
+    scan_topic: str = fixed('scan', name='scan.topic', doc='Topic of scans')
     braking: BrakingParameters = group(BrakingParameters)

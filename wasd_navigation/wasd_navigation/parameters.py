@@ -8,7 +8,7 @@ import math
 import numpy as np
 from wasd_core.command_line import Executable
 from wasd_core.errors import UserError
-from wasd_core.parameters import group, parameter, Parameters
+from wasd_core.parameters import fixed, group, parameter, Parameters
 
 # Circles along the edge of a rectangle reach inward so far [m].
 _DEPTH = 0.11
@@ -90,26 +90,19 @@ def footprint_of(radius: float, length: float, width: float) -> Footprint:
 class SizeParameters(Parameters):
     """What of the floor a robot covers."""
 
-    robot_radius: float = parameter(
-        0.25, unit='m', minimum=0.02, maximum=5.0, doc='Radius of a round robot', read_only=True
+    robot_radius: float = fixed(
+        0.25, unit='m', minimum=0.02, maximum=5.0, doc='Radius of a round robot'
     )
-    footprint_length: float = parameter(
+    footprint_length: float = fixed(
         0.0,
         unit='m',
         minimum=0.02,
         or_zero=True,
         maximum=10.0,
         doc='Length of a robot that is not round, centred on its base frame; 0: round',
-        read_only=True,
     )
-    footprint_width: float = parameter(
-        0.0,
-        unit='m',
-        minimum=0.02,
-        or_zero=True,
-        maximum=10.0,
-        doc='Its width; 0: round',
-        read_only=True,
+    footprint_width: float = fixed(
+        0.0, unit='m', minimum=0.02, or_zero=True, maximum=10.0, doc='Its width; 0: round'
     )
 
     @property
@@ -129,74 +122,55 @@ def _spread(half: float, depth: float) -> list[float]:
 class MappingParameters(Parameters):
     """What scans are matched against, when places are kept, how the grid is drawn."""
 
-    resolution: float = parameter(
-        0.05,
-        doc='Length of a cell of the map',
-        unit='m',
-        minimum=0.01,
-        maximum=1.0,
-        read_only=True,
+    resolution: float = fixed(
+        0.05, doc='Length of a cell of the map', unit='m', minimum=0.01, maximum=1.0
     )
-    range_noise: float = parameter(
+    range_noise: float = fixed(
         0.012,
         minimum=0.001,
         maximum=0.5,
         doc="Smallest standard deviation of the lidar's ranges",
         unit='m',
-        read_only=True,
     )
-    range_noise_share: float = parameter(
+    range_noise_share: float = fixed(
         math.nan,
         minimum=0.0,
         maximum=0.2,
         doc='Standard deviation as a share of the range, if larger',
         nan='what scans show',
-        read_only=True,
     )
-    minimum_travel_distance: float = parameter(
+    minimum_travel_distance: float = fixed(
         0.3,
         minimum=0.05,
         maximum=5.0,
         doc='Distance after which the mapper keeps a new place',
         unit='m',
-        read_only=True,
     )
-    minimum_travel_heading: float = parameter(
+    minimum_travel_heading: float = fixed(
         0.35,
         minimum=0.05,
         maximum=3.2,
         doc='Turn after which the mapper keeps a new place',
         unit='rad',
-        read_only=True,
     )
-    scan_buffer_size: int = parameter(
+    scan_buffer_size: int = fixed(
         25,
         minimum=3,
         maximum=200,
         doc='Number of last places whose scans a scan is matched against',
-        read_only=True,
     )
-    loop_search_maximum_distance: float = parameter(
+    loop_search_maximum_distance: float = fixed(
         2.5,
         minimum=0.1,
         maximum=20.0,
         doc='Largest distance to a place for closing a loop with it',
         unit='m',
-        read_only=True,
     )
-    loop_every: int = parameter(
-        2,
-        minimum=1,
-        maximum=1000,
-        doc='One of this many places is tried for closing a loop',
-        read_only=True,
+    loop_every: int = fixed(
+        2, minimum=1, maximum=1000, doc='One of this many places is tried for closing a loop'
     )
-    loop_match_minimum_chain_size: int = parameter(
-        13,
-        minimum=1,
-        maximum=200,
-        doc='Number of old places around a place for closing a loop',
-        read_only=True,
+    loop_match_minimum_chain_size: int = fixed(
+        13, minimum=1, maximum=200, doc='Number of old places around a place for closing a loop'
     )
 
 
@@ -322,28 +296,24 @@ class PlanningParameters(Parameters):
 class NavigatorParameters(SizeParameters):
     """What the node needs beside what mapping and planning do."""
 
-    map: str = parameter(
-        '', doc='Map to localise in, a YAML of map_server; empty: make one', read_only=True
+    map: str = fixed('', doc='Map to localise in, a YAML of map_server; empty: make one')
+    continue_map: bool = fixed(
+        False, doc='Continue to map in that map, with the places saved beside it'
     )
-    continue_map: bool = parameter(
-        False, doc='Continue to map in that map, with the places saved beside it', read_only=True
-    )
-    keepout: str = parameter(
+    keepout: str = fixed(
         '',
         doc='Mask of keepout areas, a YAML of map_server or PICTURE,METRES_PER_PIXEL; empty: none',
-        read_only=True,
     )
     save_map: str = parameter(
         'map', doc='Name of the files of ~/save_map: .yaml, .pgm, .places.npz'
     )
-    map_frame: str = parameter('map', doc='Frame of the map', read_only=True)
-    control_frequency: float = parameter(
+    map_frame: str = fixed('map', doc='Frame of the map')
+    control_frequency: float = fixed(
         20.0,
         unit='Hz',
         minimum=1.0,
         maximum=100.0,
         doc='Rate of velocity commands and of the transform from map to odom',
-        read_only=True,
     )
     transform_tolerance: float = parameter(
         0.1,
@@ -352,9 +322,7 @@ class NavigatorParameters(SizeParameters):
         maximum=10.0,
         doc='How far the transform from map to odom is post-dated',
     )
-    stamped: bool = parameter(
-        False, doc='Publish cmd_vel as TwistStamped, not Twist', read_only=True
-    )
+    stamped: bool = fixed(False, doc='Publish cmd_vel as TwistStamped, not Twist')
     mapping: MappingParameters = group(MappingParameters)
     limits: DriveLimits = group(DriveLimits)
     planning: PlanningParameters = group(PlanningParameters)
