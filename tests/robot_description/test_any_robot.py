@@ -11,6 +11,7 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot, parse_description
+from robot_description.meshes import load as mesh_files
 from robot_description.meshes.load import load_mesh, mesh_points
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
@@ -317,6 +318,25 @@ def test_a_mesh_that_is_drawn_and_collides_is_opened_once_to_be_measured(tetrahe
     robot = parse_description(text, tetrahedron.parent / 'r.urdf').robot
     assert len(robot.links['a'].shapes) == 2
     assert opened == [tetrahedron]
+
+
+@pytest.mark.slow
+def test_as_many_meshes_as_a_humanoid_has_are_decoded_once_at_its_first_start(
+    tmp_path, monkeypatch
+):
+    decoded = []
+    decode = mesh_files._read_mesh
+    monkeypatch.setattr(
+        mesh_files, '_read_mesh', lambda path: decoded.append(path) or decode(path)
+    )
+    names = [f'{number}.obj' for number in range(50)]
+    for name in names:
+        # Each of its own contents: equal ones are decoded once anyway.
+        (tmp_path / name).write_text(f'{TETRAHEDRON}# {name}\n')
+    meshes = ''.join(mesh('collision', name, '0.1 0.1 0.1') for name in names)
+    text = f'<robot name="r">{link("a", INERTIAL + meshes)}</robot>'
+    to_mujoco(parse_description(text, tmp_path / 'r.urdf').robot)
+    assert sorted(path.name for path in decoded) == sorted(names)
 
 
 @for_all(('moment', 'is_mended'), [('1e-3', False), ('1', False), ('60', True)])

@@ -33,8 +33,9 @@ CACHE_VERSION = 5
 WELD_DECIMALS = 6
 # How carefully a surface is thinned, 0 (slow) to 10: from 4 on the letters on a Go2 fall apart.
 HASTE = 3.0
-# So many meshes are kept in memory: what was opened to be measured is simulated next.
-MOST_KEPT = 32
+# So many meshes are kept in memory, as many as a humanoid with hands has: what was opened to be
+# measured is simulated next.
+MOST_KEPT = 64
 # Of so many it is kept in memory how large they are: most are drawn and collide.
 MOST_MEASURED = 1024
 # The largest mesh in example-robot-data, the Go1's trunk, has 29 MB. Of a million triangles, 50 MB
