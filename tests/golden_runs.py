@@ -129,17 +129,32 @@ def _recorded(path: Path) -> dict[str, list[Any]]:
 
     reader = BagReader(path)
     found: dict[str, list[Any]] = {}
+    kinds, said = {}, {}
     for topic in reader.topics:
         if topic.name.endswith('/diagnostics'):
             continue  # by wall time: a run of less than a second has none
         found[topic.name] = [topic.kind, topic.messages]
         if topic.name.endswith(UNTIMED):
             package, _, name = topic.kind.split('/')
-            kind = getattr(importlib.import_module(f'{package}.msg'), name)
-            messages = reader.messages([topic.name])
-            said = [repr(deserialize_message(message.data, kind)) for message in messages]
-            found[topic.name].append(_hash(said))
+            kinds[topic.name] = getattr(importlib.import_module(f'{package}.msg'), name)
+            said[topic.name] = []
+    for message in reader.messages(kinds):
+        fields = _fields(deserialize_message(message.data, kinds[message.topic]))
+        said[message.topic].append(fields)
+    for name, messages in said.items():
+        found[name].append(_hash(messages))
     return found
+
+
+def _fields(value: Any) -> Any:
+    """Return what a message says, as lists; `repr` takes four times as long."""
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    if hasattr(value, 'tolist'):
+        return value.tolist()
+    if hasattr(value, 'get_fields_and_field_types'):
+        return [_fields(getattr(value, name)) for name in value.get_fields_and_field_types()]
+    return [_fields(each) for each in value]
 
 
 def _hash(value: Any) -> str:
