@@ -123,10 +123,10 @@ def count_violations(seed, robots):
     return violations, saturated
 
 
-def test_no_limit_is_broken_in_two_hundred_thousand_steps():
-    violations, saturated = count_violations(100, robots=500)
+def test_no_limit_is_broken_in_eighty_thousand_steps():
+    violations, saturated = count_violations(100, robots=200)
     assert violations == []
-    assert saturated > 5000
+    assert saturated > 2000
 
 
 @for_all('jerk', [math.inf, 20.0])
