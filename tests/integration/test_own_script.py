@@ -153,7 +153,7 @@ def test_a_run_that_was_interrupted_in_the_midst_of_a_step_goes_on():
     dog = wasd.Go2(estimator='truth')
     for key in '25':
         dog.press(key)
-        dog.run(1.5)
+    dog.run(1.2)
     dog.drive(0.4)
     dog.run(0.503)
     dog._robot.control()  # as by a run that Ctrl-C ends before physics goes on
@@ -169,7 +169,7 @@ def test_the_go2_walks_one_foot_after_the_other():
     dog = wasd.Go2(gait='walk')
     for key in '25':
         dog.press(key)
-        dog.run(1.5)
+    dog.run(1.2)
     dog.drive(0.5)
     dog.run(1.0)
     start = dog.truth.position[0]

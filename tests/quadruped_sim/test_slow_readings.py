@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot whose readings begin to come too slowly while it moves stops and stands."""
 
-from cases import for_all
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
@@ -68,7 +67,7 @@ def test_one_that_walks_stops_and_stands_and_may_walk_again(model, velocity, see
     assert dog.controller.state == 'fixed stand'
     dog.run(0.2)
     assert dog.controller.press('5') is None
-    dog.run(1.5, velocity=(0.5, 0.0, 0.0))
+    dog.run(1.0, velocity=(0.5, 0.0, 0.0))
     assert dog.world.base().planar_velocity[0] == pytest.approx(0.5, abs=0.1)
     assert dog.tilt < UPRIGHT
 
@@ -86,18 +85,19 @@ def test_no_key_leads_one_that_stands_anywhere_but_down(model):
             assert (said, dog.controller.state) == (WORDS, 'fixed stand'), key
 
 
-@for_all(('key', 'after'), [*((key, 1.0) for key in '3098'), ('v', 0.5), ('v', 0.7)])
-def test_one_that_does_anything_but_stand_stands_again(model, key, after):
+def test_one_that_does_anything_but_stand_stands_again(model):
     """A jump is ended in its take-off and in the air, too."""
     dog = Fed(model, 1)
     dog.stand()
-    dog.controller.press(key)
-    dog.run(after)
-    dog.run(2.5, SLOW)
-    assert dog.controller.state == 'fixed stand'
-    assert dog.world.base().position[2] == pytest.approx(STANDING, abs=0.03)
-    # Who comes down from a jump that was ended in the air leans on landing, by up to 25 degrees.
-    assert dog.tilt < (FALLEN if key == 'v' else UPRIGHT)
+    for key, after in (*((key, 1.0) for key in '3098'), ('v', 0.5), ('v', 0.7)):
+        assert dog.controller.press(key) is None, key
+        dog.run(after)
+        dog.run(2.5, SLOW)
+        assert dog.controller.state == 'fixed stand', key
+        assert dog.world.base().position[2] == pytest.approx(STANDING, abs=0.03), key
+        # Who comes down from a jump that was ended in the air leans on landing, by up to 25 deg.
+        assert dog.tilt < (FALLEN if key == 'v' else UPRIGHT), key
+        dog.run(0.3)  # readings are quick again
 
 
 def test_one_that_is_halting_when_readings_become_slow_does_not_fall(model):

@@ -451,9 +451,9 @@ def cloud_of(said):
 @pytest.mark.slow
 def test_a_deskewed_cloud_has_the_floor_level_while_the_robot_trots_and_turns(rig):
     rig.call('sport', STAND_UP)
-    rig.run(2.2)
-    rig.call('sport', BALANCE)
     rig.run(1.3)
+    rig.call('sport', BALANCE)
+    rig.run(0.7)
     hear(rig, topics.CLOUD_DESKEWED)
     rig.call('sport', MOVE, x=0.6, y=0.0, z=1.0)
     rig.run(0.9)
@@ -475,7 +475,7 @@ def test_a_deskewed_cloud_has_the_floor_level_while_the_robot_trots_and_turns(ri
 def test_the_height_map_has_the_floor_and_the_steps_where_programs_read_them():
     rig = unheard(world='stairs:0.13')
     rig.call('sport', STAND_UP)
-    rig.run(2.5)
+    rig.run(1.3)
     assert 'rt/utlidar/height_map_array' not in rig.wire.told
     hear(rig, topics.HEIGHT_MAP)
     rig.run(1.5)

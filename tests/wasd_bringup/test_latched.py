@@ -30,7 +30,7 @@ pytestmark = pytest.mark.slow
 # How each robot is got to move: keys and when they are pressed [s], and how long it moves [s].
 MOVES = {
     'mbot': ('mbot', 'mbot', [], 1.2),
-    'go2 trots': ('go2', 'unitree', [(0.0, '2'), (1.2, '4'), *[(1.4, 'w')] * 8], 2.5),
+    'go2 trots': ('go2', 'unitree', [(0.0, '2'), (1.2, '4'), *[(1.4, 'w')] * 8], 2.2),
 }
 DOCS = Path(__file__).parents[2] / 'docs/drivers.md'
 # How it is stopped, by a run and the face of its robot.

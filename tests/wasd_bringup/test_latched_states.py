@@ -93,7 +93,7 @@ class Held:
             StateName.MOVE_BASE: lambda: self.robot.drive(VELOCITY, 'page'),
             StateName.POLICY: lambda: self.robot.drive(VELOCITY, 'page'),
         }
-        self.pass_time(0.4, drive.get(state, lambda: None))
+        self.pass_time(0.3, drive.get(state, lambda: None))
 
     def motors_only_brake(self, seconds):
         """Hold everything, and return whether all that motors are told is to stand still."""
@@ -112,7 +112,7 @@ def stop_holds_until_its_reset(held, origin):
     ORIGINS[origin](held.run)
     assert not any(held.robot.press(key, 'foxglove 2') for key in KEYS)  # somebody new
     assert not held.robot.drive(VELOCITY, 'foxglove 2')
-    assert held.motors_only_brake(0.3)
+    assert held.motors_only_brake(0.2)
     assert held.robot.status().state == 'E-STOP'
     held.run.press('ENTER')
     assert held.robot.drivers.stopped_by == ''
