@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Optional parts of an installation, by the name of their extra."""
 
-from importlib import import_module, metadata
+from importlib import import_module
 import re
 import shlex
 import sys
@@ -14,6 +14,9 @@ DISTRIBUTION = 'wasd-robots'
 
 def install_line(extra: str) -> str:
     """Return what to type to get an extra: what it adds, as pip may not find all the rest."""
+    # Here, because it takes a twentieth of a second to load, and hardly anybody is told this.
+    from importlib import metadata
+
     try:
         lines = metadata.requires(DISTRIBUTION) or ()
     except metadata.PackageNotFoundError:
