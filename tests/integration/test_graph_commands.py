@@ -46,15 +46,15 @@ def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
 
 @pytest.fixture
 def ask_late(ros: None, new_runner: Any, isolated_ros: int) -> Iterator[Any]:
-    """Return a function that starts `wasd params late_node`; it has begun to look, all alone."""
+    """Return a function that starts a `wasd` command; it has begun to look, all alone."""
     import rclpy
 
     processes = []
 
-    def start() -> Any:
+    def start(*words: str) -> Any:
         watcher = rclpy.create_node('_watcher')
         process = new_runner(isolated_ros).start(
-            'params', 'late_node', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            *(words or ('params', 'late_node')), stdout=subprocess.PIPE, stderr=subprocess.PIPE
         )
         processes.append(process)
         wait_until(lambda: any(name.startswith('_wasd_') for name in watcher.get_node_names()))
@@ -98,6 +98,20 @@ def test_params_waits_for_a_run_that_it_knows_to_be_there(
         time.sleep(6.0)  # without one it would have given up
         assert process.poll() is None, process.communicate()[1]
         assert '  use_sim_time\n' in answer(process, spawn, spin_until)
+
+
+def test_topics_waits_for_each_run_that_it_knows_to_be_there(
+    ask_late: Any, isolated_ros: int, spawn: Any, spin_until: Any
+) -> None:
+    import rclpy
+
+    with claim(isolated_ros, ['/']):
+        process = ask_late('topics')
+        spawn(rclpy.create_node('of_another_run'))
+        time.sleep(4.0)  # the list of that run would have been complete
+        spawn(rclpy.create_node('drivers')).create_publisher(String, 'late', 1)
+        spin_until(spawn.pump, lambda: process.poll() is not None)
+    assert '/late\n' in process.communicate()[0]
 
 
 def test_where_no_node_runs_it_says_so_and_where_the_users_runs_are(

@@ -106,10 +106,10 @@ class RosGraph:
         return len(node.get_node_names()), len(kinds[0]), len(kinds[1])
 
     def _is_expecting(self) -> bool:
-        """Whether there is a run in this domain whose nodes have not been seen yet."""
+        """Whether a run in this domain has not been seen yet; each has a node `drivers`."""
         domain = self.node.context.get_domain_id()
-        is_alone = len(self.node.get_node_names()) < 2
-        return is_alone and any(run.domain == domain for run in running())
+        runs = {run.process for run in running() if run.domain == domain}
+        return self.node.get_node_names().count('drivers') < len(runs)
 
     def topics(self) -> dict[str, list[str]]:
         """Return the types of every topic that is not hidden, by name, once they are known."""
