@@ -15,8 +15,8 @@ from wasd_bringup.run.options import RunOptions
 
 pytestmark = pytest.mark.slow
 
-# What draws pages and pictures, and numpy's masked arrays: 40 ms of a start.
-UNSEEN = ('PIL.Image', 'mujoco.studio', 'numpy.ma')
+# What draws pages and pictures, and numpy's masked arrays: 50 ms of a start.
+UNSEEN = ('PIL.Image', 'mujoco.studio', 'numpy.ma', 'statistics')
 # Runs `wasd` with words, and says on standard error what of ROS and of UNSEEN was loaded.
 WATCHED = f"""
 import sys

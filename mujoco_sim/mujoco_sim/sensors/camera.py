@@ -5,9 +5,9 @@ import array
 from collections.abc import Collection, Iterator
 import contextlib
 from dataclasses import dataclass
+import functools
 import importlib
 import math
-from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import mujoco
@@ -23,10 +23,6 @@ from mujoco_sim.world import World
 from robot_description import sensor_tags
 
 MOST_GEOMS = 10_000
-
-# The middles of 256 equally likely parts of a normal distribution: one for each random byte.
-_NORMAL = np.array([NormalDist().inv_cdf((byte + 0.5) / 256.0) for byte in range(256)])
-_NORMAL /= _NORMAL.std()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -331,9 +327,20 @@ class Camera:
 
     def _noisy(self, colours: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Add noise by table: a picture has millions of values, 30 times a second."""
-        errors = np.round(255.0 * self.tag.noise * _NORMAL).astype(np.int16)
+        errors = np.round(255.0 * self.tag.noise * _normal()).astype(np.int16)
         added = errors[np.frombuffer(random.bytes(colours.size), dtype=np.uint8)]
         return np.clip(colours + added.reshape(colours.shape), 0, 255).astype(np.uint8)
+
+
+@functools.cache
+def _normal() -> np.ndarray:
+    """Return the middles of 256 equally likely parts of a normal distribution: one for a byte."""
+    # Here, because few robots have a camera.
+    from statistics import NormalDist
+
+    middles = np.array([NormalDist().inv_cdf((byte + 0.5) / 256.0) for byte in range(256)])
+    middles /= middles.std()
+    return middles
 
 
 def _image(pixels: np.ndarray, encoding: str) -> Fields:
