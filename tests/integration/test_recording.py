@@ -136,7 +136,7 @@ def test_a_full_disk_stops_the_run_in_one_line_and_keeps_what_was_written(
     runner = new_runner()
     done = runner(
         *('mbot', '--duration', '60', '--speed', '0', '--record', 'big.mcap'),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (900_000, 900_000)),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000)),
     )
     assert done.returncode == 2
     assert done.stderr == 'error: --record big.mcap: File too large\n'
