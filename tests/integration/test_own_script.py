@@ -283,6 +283,8 @@ def test_mbot_drives_by_velocity_and_a_key_takes_over():
     car.run(4.0)
     assert car.truth.position[0] == pytest.approx(1.0, abs=0.15)
     assert car.odometry.position == pytest.approx(car.truth.position, abs=0.01)
+    assert [car.odometry.x, car.odometry.y] == car.odometry.position[:2].tolist()
+    assert car.odometry.yaw == pytest.approx(car.truth.rpy[2], abs=0.01)
     car.press('k')
     car.run(2.0)
     assert car.state == 'stopped'

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .rotations import yaw_of
+
 # What controllers reckon with and MuJoCo's worlds have [m/s^2].
 GRAVITY = 9.81
 # The physics' step [s].
@@ -72,6 +74,21 @@ class BaseOdometry(NamedTuple):
     angular_velocity: np.ndarray
     pose_covariance: np.ndarray
     twist_covariance: np.ndarray
+
+    @property
+    def x(self) -> float:
+        """How far the base is along the x axis of odom [m]."""
+        return float(self.position[0])
+
+    @property
+    def y(self) -> float:
+        """How far the base is along the y axis of odom [m]."""
+        return float(self.position[1])
+
+    @property
+    def yaw(self) -> float:
+        """The base's heading in odom [rad]."""
+        return yaw_of(self.orientation)
 
 
 class JointStates(NamedTuple):
