@@ -147,7 +147,7 @@ def _recorded(path: Path) -> dict[str, list[Any]]:
 
 
 def _fields(value: Any) -> Any:
-    """Return what a message says, as lists; `repr` takes four times as long."""
+    """Return what a message says, as lists; `repr` of an odometry takes five times as long."""
     if isinstance(value, (str, bool, int, float)):
         return value
     if hasattr(value, 'tolist'):
