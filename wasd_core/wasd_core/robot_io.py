@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .rotations import yaw_of
+from wasd_core.rotations import yaw_of
 
 # What controllers reckon with and MuJoCo's worlds have [m/s^2].
 GRAVITY = 9.81
