@@ -65,6 +65,9 @@ window.WebSocket = class extends Plain {
 };
 """
 
+# Not every browser makes a TouchEvent of an array of touches, as this one does.
+NO_TOUCH_EVENT = 'window.TouchEvent = undefined;'
+
 # Draws nothing, and so is fast without a graphics card: what is pressed needs no picture.
 BLIND = """
 for (const name of Object.getOwnPropertyNames(WebGL2RenderingContext.prototype))
@@ -128,7 +131,7 @@ def open_page(
 
     One that `spares` the processor draws at most MOST_RATE pictures a second.
     """
-    source = COUNT + SPARE * spares + BLIND * is_blind
+    source = COUNT + NO_TOUCH_EVENT + SPARE * spares + BLIND * is_blind
     browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': source})
     browser.get(url)
     deadline, said = time.monotonic() + PATIENCE, list[dict[str, Any]]()

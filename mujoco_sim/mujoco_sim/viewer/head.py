@@ -27,8 +27,10 @@ HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-scal
       isDown ? 'keydown' : 'keyup', {code: 'F24', key: 'F24', keyCode: 135}));
     areSeveral = isDown;
   };
-  const tell = (what, touch) => touch.target.dispatchEvent(
-    new TouchEvent(what, {bubbles: true, cancelable: true, changedTouches: [touch]}));
+  // No TouchEvent: not every browser makes one of an array.
+  const tell = (what, touch) => touch.target.dispatchEvent(Object.assign(
+    new UIEvent(what, {bubbles: true, cancelable: true}),
+    {touches: [], targetTouches: [], changedTouches: [touch]}));
   const letGo = () => {
     if (finger) tell('touchend', finger);
     for (const press of pressed.values()) press.target.dispatchEvent(
