@@ -8,6 +8,7 @@ import time
 from mujoco_sim.viewer.input import SEVERAL, SILENCE
 from run_scenarios import Page
 from wasd_cockpit.panels.map import REACHES
+from wasd_navigation.waypoints import Waypoints
 
 
 def at_floor(page: Page, ahead: float) -> tuple[int, int]:
@@ -88,6 +89,24 @@ def scenario_two_fingers_on_the_map_are_no_goal(page: Page) -> None:
     page.wait_until(lambda: goal(page) is not None, 'one finger is no goal any more')
     page.click('cancel goal')
     page.wait_until(lambda: goal(page) is None, 'the goal stays')
+
+
+def scenario_a_button_cancels_a_patrol_that_waits_where_it_stands(page: Page) -> None:
+    navigation = page.session.navigations[0]
+    waypoints = Waypoints([navigation.navigator.pose.copy()], rounds=None)
+
+    def begin(*_: float) -> None:
+        navigation.on_step.remove(begin)
+        navigation.unit.follow(waypoints)
+
+    def is_waiting() -> bool:
+        shown = page.snapshot.navigation
+        return waypoints.rest(0.0) and shown.is_following and shown.goal is None
+
+    navigation.on_step.append(begin)
+    page.wait_until(is_waiting, 'it drives to where it stands')
+    page.click('cancel goal')
+    page.wait_until(lambda: not navigation.unit.is_following, 'the patrol goes on')
 
 
 def scenario_a_goal_that_cannot_be_is_refused_with_the_reason(page: Page) -> None:

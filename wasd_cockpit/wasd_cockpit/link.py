@@ -216,7 +216,8 @@ class Navigation(NamedTuple):
     keepout area, each of a `resolution`; the corner of the first, lowest in x and y, is at
     `origin`. `number` is another one for another map. `pose` is where the robot believes to be,
     `path` (n, 2) the way to the `goal`; `state` says in a word what it does, `reason` why.
-    `no_exploring` says why it cannot explore now, '' where it can.
+    `no_exploring` says why it cannot explore now, '' where it can; `is_following` whether it
+    drives to several goals, also while it waits between two.
     """
 
     number: int
@@ -229,6 +230,7 @@ class Navigation(NamedTuple):
     state: str
     reason: str
     no_exploring: str = ''
+    is_following: bool = False
 
 
 class Elevation(NamedTuple):

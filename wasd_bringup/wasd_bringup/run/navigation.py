@@ -212,6 +212,7 @@ class NavigationDriver:
             state=state,
             reason=reason or navigator.notice,
             no_exploring=self.no_exploring,
+            is_following=self.unit.is_following,
         )
 
     def report(self) -> dict[str, Any]:

@@ -87,9 +87,10 @@ class Map:
 
     def _draw_orders(self, page: PageState, navigation: Navigation) -> None:
         """Draw the buttons of a navigator, and what it does."""
+        is_under_way = navigation.goal is not None or navigation.is_following
         for what, refusal in (
             ('save map', ''),
-            ('cancel goal', '' if navigation.goal else 'there is no goal'),
+            ('cancel goal', '' if is_under_way else 'there is no goal'),
             ('explore', navigation.no_exploring),
         ):
             # On a desk tabs leave no room for them.
