@@ -361,10 +361,10 @@ class DiffDrive:
         twist[1, 1] += (error * state.lateral) ** 2
         twist[5, 5] += (error * state.angular) ** 2
         return BaseOdometry(
-            np.array((state.x, state.y, 0.0)),
-            np.array((math.cos(0.5 * state.yaw), 0.0, 0.0, math.sin(0.5 * state.yaw))),
-            np.array((state.linear, state.lateral, 0.0)),
-            np.array((0.0, 0.0, state.angular)),
+            state.position,
+            state.orientation,
+            state.linear_velocity,
+            state.angular_velocity,
             pose,
             twist,
         )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+import numpy as np
 from robot_description.morphology.kinds import name_kind
 from robot_description.morphology.wheels import (
     ANY_WHEELS,
@@ -204,6 +205,26 @@ class OdometryState(NamedTuple):
     linear: float = 0.0  # [m/s], forward
     angular: float = 0.0  # [rad/s]
     lateral: float = 0.0  # [m/s], to the left: of a base that is not on the axle
+
+    @property
+    def position(self) -> np.ndarray:
+        """Where the base is in odom [m], (3,)."""
+        return np.array((self.x, self.y, 0.0))
+
+    @property
+    def orientation(self) -> np.ndarray:
+        """Quaternion (w, x, y, z) from base to odom, (4,)."""
+        return np.array((math.cos(0.5 * self.yaw), 0.0, 0.0, math.sin(0.5 * self.yaw)))
+
+    @property
+    def linear_velocity(self) -> np.ndarray:
+        """Velocity in base axes [m/s], (3,)."""
+        return np.array((self.linear, self.lateral, 0.0))
+
+    @property
+    def angular_velocity(self) -> np.ndarray:
+        """Turn in base axes [rad/s], (3,)."""
+        return np.array((0.0, 0.0, self.angular))
 
 
 class _Move(NamedTuple):

@@ -107,9 +107,10 @@ def test_topics_waits_for_each_run_that_it_knows_to_be_there(
 
     with claim(isolated_ros, ['/']):
         process = ask_late('topics')
-        spawn(rclpy.create_node('of_another_run'))
+        other = spawn(rclpy.create_node('of_another_run'))
         time.sleep(4.0)  # the list of that run would have been complete
-        spawn(rclpy.create_node('drivers')).create_publisher(String, 'late', 1)
+        other.create_publisher(String, 'late', 1)
+        spawn(rclpy.create_node('drivers'))
         spin_until(spawn.pump, lambda: process.poll() is not None)
     assert '/late\n' in process.communicate()[0]
 

@@ -455,10 +455,9 @@ class Mbot(Robot):
         self._velocity = (0.0, 0.0, 0.0)
 
     @property
-    def odometry(self) -> BaseOdometry:
-        """The odometry of the wheels: pose, velocities and their covariances."""
-        odometry: BaseOdometry = self._robot.odometry
-        return odometry
+    def odometry(self) -> Any:
+        """Odometry of the wheels: x, y [m], yaw [rad], and the pose and velocities of a Go2's."""
+        return self._robot.drive_unit.controller.odometry_state
 
     @checked
     def press(self, key: str) -> None:

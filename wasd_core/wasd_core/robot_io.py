@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wasd_core.rotations import yaw_of
-
 # What controllers reckon with and MuJoCo's worlds have [m/s^2].
 GRAVITY = 9.81
 # The physics' step [s].
@@ -74,21 +72,6 @@ class BaseOdometry(NamedTuple):
     angular_velocity: np.ndarray
     pose_covariance: np.ndarray
     twist_covariance: np.ndarray
-
-    @property
-    def x(self) -> float:
-        """How far the base is along the x axis of odom [m]."""
-        return float(self.position[0])
-
-    @property
-    def y(self) -> float:
-        """How far the base is along the y axis of odom [m]."""
-        return float(self.position[1])
-
-    @property
-    def yaw(self) -> float:
-        """The base's heading in odom [rad]."""
-        return yaw_of(self.orientation)
 
 
 class JointStates(NamedTuple):
