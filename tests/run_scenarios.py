@@ -33,9 +33,8 @@ from wasd_bringup.run.run import Run
 
 DESK = (1280, 720)
 # As many pictures a second as most browsers draw: two for each frame of panels. A scenario needs
-# but one for each, and few once it has waited for a while [s]: each costs the run and the link.
+# but one for each; far fewer would make a slow page of it on a busy machine.
 RATE, SPARING = 60.0, 36.0
-WAITING, AWHILE = 15.0, 0.2
 # A page that draws its picture so much too late [s] has been kept from it by a busy machine.
 LATE = 0.1
 # The keys of which panels are asked whether they have seen them.
@@ -180,15 +179,10 @@ class Page:
 
     def wait_until(self, condition: Callable[[], Any], what: str) -> None:
         """Wait for a condition."""
-        began, puppet, usual = time.monotonic(), self.puppet, None
+        deadline = time.monotonic() + PATIENCE
         while not condition():
-            waited = time.monotonic() - began
-            assert waited < PATIENCE, what
-            if usual is None and waited > AWHILE and puppet is not None:
-                usual, puppet.rate = puppet.rate, min(puppet.rate, WAITING)
+            assert time.monotonic() < deadline, what
             time.sleep(0.01)
-        if usual is not None:
-            puppet.rate = usual
 
     def wait(self, seconds: float) -> None:
         """Wait for simulated time to pass."""

@@ -179,6 +179,7 @@ def scenario_what_is_typed_in_a_field_drives_nothing(page: Page) -> None:
 def type_speed(page: Page, text: str) -> None:
     """Type how fast time is to go."""
     page.click('speed')
+    page.wait_until(lambda: page.cockpit.page.widgets.is_typing, 'the field takes what is typed')
     page.puppet.keys = {code('LeftCtrl'), code('A')}
     page.puppet.draw(4)
     page.puppet.keys = set()
