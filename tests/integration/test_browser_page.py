@@ -166,8 +166,7 @@ def test_the_last_of_fingers_and_a_mouse_presses_the_e_stop(
         wait_for_key(saved, 'ESC')
     touch('touchEnd')
     see_a_finger_press_no_more_when_the_one_after_it_has_left(touch, saved, e_stop, scene)
-    see_a_finger_press_while_a_mouse_is_held(touch, mouse, saved, e_stop, scene)
-    see_a_mouse_press_while_a_finger_is_held(touch, mouse, saved, e_stop, scene)
+    see_the_newer_of_a_mouse_and_a_finger_press(touch, mouse, saved, e_stop, scene)
 
 
 def see_a_finger_press_no_more_when_the_one_after_it_has_left(
@@ -182,7 +181,7 @@ def see_a_finger_press_no_more_when_the_one_after_it_has_left(
     assert presses(saved).count('ESC') == 2
 
 
-def see_a_finger_press_while_a_mouse_is_held(
+def see_the_newer_of_a_mouse_and_a_finger_press(
     touch: Callable[..., None],
     mouse: Callable[..., None],
     saved: Path,
@@ -195,14 +194,6 @@ def see_a_finger_press_while_a_mouse_is_held(
     mouse('mouseReleased', scene, is_down=False)
     touch('touchEnd')
 
-
-def see_a_mouse_press_while_a_finger_is_held(
-    touch: Callable[..., None],
-    mouse: Callable[..., None],
-    saved: Path,
-    e_stop: tuple[int, int],
-    scene: tuple[int, int],
-) -> None:
     touch('touchStart', scene)
     mouse('mouseMoved', e_stop, is_down=False)
     mouse('mousePressed', e_stop, is_down=True)

@@ -75,8 +75,8 @@ def list_topics(graph: RosGraph, arguments: argparse.Namespace) -> int:
     """Print every topic."""
     for name, kinds in graph.topics().items():
         print(f'{name} [{", ".join(kinds)}]' if arguments.show_types else name)
-    if is_empty := graph.emptiness():
-        print(is_empty, file=sys.stderr)
+    if emptiness := graph.emptiness():
+        print(emptiness, file=sys.stderr)
     return 0
 
 

@@ -179,8 +179,8 @@ class RosGraph:
         return sorted({node for node in found if not topic_or_service_is_hidden(node)})
 
     def _cure(self, name: str, known: Sequence[str]) -> str:
-        is_empty = self.emptiness()
-        return f'; {is_empty}' if is_empty else suggest(name, known)
+        emptiness = self.emptiness()
+        return f'; {emptiness}' if emptiness else suggest(name, known)
 
 
 def full_name(name: str) -> str:
