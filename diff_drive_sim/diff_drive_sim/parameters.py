@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the drive controller: wheels, limits, odometry; and it as a program."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 import math
 from typing import Any, NamedTuple
 
@@ -61,7 +61,6 @@ _OTHERWISE = {
 X, Z = _Axis('linear.x', 'm/s'), _Axis('angular.z', 'rad/s')
 
 
-@dataclass(frozen=True, kw_only=True)
 class LimitParameters(Parameters):
     """Limits of the two axes; signs say the direction, as in ros2_controllers."""
 
@@ -129,7 +128,6 @@ class LimitParameters(Parameters):
 UNKNOWN = 1e6
 
 
-@dataclass(frozen=True, kw_only=True)
 class OdometryParameters(Parameters):
     """Odometry, its frames and covariances."""
 
@@ -208,7 +206,6 @@ class OdometryParameters(Parameters):
             )
 
 
-@dataclass(frozen=True, kw_only=True)
 class WheelParameters(Parameters):
     """Wheels and their speed loop."""
 
@@ -315,7 +312,6 @@ class WheelParameters(Parameters):
                     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
     """Everything that can be set; the wheels' geometry comes from the robot's description."""
 

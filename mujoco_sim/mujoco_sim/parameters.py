@@ -46,7 +46,6 @@ class BoxSize(NamedTuple):
     height: float = 0.7
 
 
-@dataclass(frozen=True, kw_only=True)
 class SimulatorParameters(Parameters):
     """What the simulator loads and how fast it runs and publishes."""
 

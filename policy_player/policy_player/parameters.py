@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the policy player, and the program."""
 
-from dataclasses import dataclass
-
 from wasd_core.command_line import Executable
 from wasd_core.parameters import fixed, Parameters
 
 
-@dataclass(frozen=True, kw_only=True)
 class PolicyNodeParameters(Parameters):
     """Which robot, and by which network it walks."""
 

@@ -5,7 +5,7 @@ Parameters of the leg controller, on the Go2 and scaled to other robots; its nod
 A number's unit says how it grows with a robot's size and mass [Alexander1983].
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 import math
 from typing import Any, TYPE_CHECKING, TypeVar
 
@@ -53,7 +53,6 @@ NOT_SCALED = {'timeout'}
 Group = TypeVar('Group', bound=Parameters)
 
 
-@dataclass(frozen=True, kw_only=True)
 class LegControllerParameters(Parameters):
     """All parameter groups of the leg controller; `kalman` is the filter's."""
 
@@ -72,7 +71,6 @@ class LegControllerParameters(Parameters):
     safety: SafetyParameters = group(SafetyParameters)
 
 
-@dataclass(frozen=True, kw_only=True)
 class LegNodeParameters(LegControllerParameters):
     """Which robot, how it is estimated, its rates and frames; and the tuning, in groups."""
 

@@ -8,14 +8,11 @@ set to either end of one while it trots, the Go2 walks on (benchmarks/parameter_
 it lowers by what a description says of feet or motors has a bound besides.
 """
 
-from dataclasses import dataclass
-
 from wasd_core.parameters import InvalidParameter, parameter, Parameters
 
 from quadruped_sim.presets import GAITS, LIMITS
 
 
-@dataclass(frozen=True, kw_only=True)
 class GaitParameters(Parameters):
     """Which foot steps when: period and duty run from the slow to the fast value over speed."""
 
@@ -83,7 +80,6 @@ class GaitParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class FootholdParameters(Parameters):
     """Where the feet land [Raibert1986]."""
 
@@ -98,7 +94,6 @@ class FootholdParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class MpcParameters(Parameters):
     """Single-rigid-body convex MPC [DiCarlo2018]."""
 
@@ -146,7 +141,6 @@ class MpcParameters(Parameters):
             )
 
 
-@dataclass(frozen=True, kw_only=True)
 class WholeBodyParameters(Parameters):
     """Whole-body QP: weights and the base's feedback."""
 
@@ -199,7 +193,6 @@ class WholeBodyParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class BalanceParameters(Parameters):
     """Feedback of the base while it stands on feet that do not step."""
 
@@ -238,7 +231,6 @@ class BalanceParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReferenceParameters(Parameters):
     """Desired motion of the base in trot."""
 
@@ -262,7 +254,6 @@ class ReferenceParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class GroundParameters(Parameters):
     """Plane under the feet, from where they stood last."""
 
@@ -275,7 +266,6 @@ class GroundParameters(Parameters):
     slope_max: float = parameter(0.6, unit='rad', span=(0.0, 1.0), doc='Largest slope estimate')
 
 
-@dataclass(frozen=True, kw_only=True)
 class ContactParameters(Parameters):
     """Contact from joint torques: a momentum observer [DeLuca2006] with hysteresis."""
 
@@ -302,7 +292,6 @@ class ContactParameters(Parameters):
             )
 
 
-@dataclass(frozen=True, kw_only=True)
 class GripParameters(Parameters):
     """Friction by what feet feel [Focchi2018]; `mpc.friction` is the guess it starts from."""
 
@@ -330,7 +319,6 @@ class GripParameters(Parameters):
             )
 
 
-@dataclass(frozen=True, kw_only=True)
 class EstimatorParameters(Parameters):
     """Kalman filter of base position, velocity and the feet [Bloesch2012, linear form]."""
 
@@ -426,7 +414,6 @@ class EstimatorParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class CommandParameters(Parameters):
     """What a velocity command may ask for; the limits are presets."""
 
@@ -463,7 +450,6 @@ class CommandParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class JumpParameters(Parameters):
     """
     How a robot jumps: within 2 cm of the height and 3 cm of the way, as far as its motors can.
@@ -493,7 +479,6 @@ class JumpParameters(Parameters):
             )
 
 
-@dataclass(frozen=True, kw_only=True)
 class SafetyParameters(Parameters):
     """When the controller lets go."""
 

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state publisher as a program: --help and wrong words are answered before it loads."""
 
-from dataclasses import dataclass
-
 from wasd_core.command_line import Executable
 from wasd_core.parameters import fixed, parameter, Parameters
 
 
-@dataclass(frozen=True, kw_only=True)
 class StatePublisherParameters(Parameters):
     """What the state publisher publishes."""
 

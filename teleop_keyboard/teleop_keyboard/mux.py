@@ -2,7 +2,6 @@
 """Selects one of several sources of velocity commands; the caller gives the time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 import math
 
 from wasd_core.parameters import InvalidParameter, parameter, Parameters
@@ -15,7 +14,6 @@ HIGHEST_PRIORITY = 255
 LONGEST_TIMEOUT = 60.0
 
 
-@dataclass(frozen=True, kw_only=True)
 class MuxInput(Parameters):
     """
     A source of velocities, or a lock, as twist_mux's tables describe it.

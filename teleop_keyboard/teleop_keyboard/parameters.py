@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the nodes of teleoperation, and these as programs: --help loads no ROS."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from wasd_core.command_line import Executable
@@ -93,7 +92,6 @@ def _stamped(doc: str = 'Publish TwistStamped, not Twist.') -> Any:
     return fixed(False, doc=doc)
 
 
-@dataclass(frozen=True, kw_only=True)
 class KeyParameters(Parameters):
     """What the key publisher sends."""
 
@@ -103,7 +101,6 @@ class KeyParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class MuxParameters(Parameters):
     """What the mux needs to know besides its tables."""
 
@@ -111,7 +108,6 @@ class MuxParameters(Parameters):
     stamped: bool = _stamped('Take and publish TwistStamped, not Twist.')
 
 
-@dataclass(frozen=True, kw_only=True)
 class TeleopParameters(Parameters):
     """What a user may set; 0 and `preset` mean: as the keymap says."""
 
@@ -189,7 +185,6 @@ def _scale(value: float, doc: str, unit: str) -> Any:
     return parameter(value, doc=doc, unit=unit, minimum=-LARGEST_SCALE, maximum=LARGEST_SCALE)
 
 
-@dataclass(frozen=True, kw_only=True)
 class LinearAxes(Parameters):
     """Which axes drive along."""
 
@@ -198,7 +193,6 @@ class LinearAxes(Parameters):
     z: int = _axis(-1, 'rising')
 
 
-@dataclass(frozen=True, kw_only=True)
 class AngularAxes(Parameters):
     """Which axes turn."""
 
@@ -207,7 +201,6 @@ class AngularAxes(Parameters):
     roll: int = _axis(-1, 'rolling')
 
 
-@dataclass(frozen=True, kw_only=True)
 class LinearScales(Parameters):
     """Full speeds."""
 
@@ -216,7 +209,6 @@ class LinearScales(Parameters):
     z: float = _scale(0.0, 'Full speed up.', 'm/s')
 
 
-@dataclass(frozen=True, kw_only=True)
 class LinearTurbo(Parameters):
     """Full speeds with the turbo button."""
 
@@ -225,7 +217,6 @@ class LinearTurbo(Parameters):
     z: float = _scale(0.0, 'Full speed up with the turbo button.', 'm/s')
 
 
-@dataclass(frozen=True, kw_only=True)
 class AngularScales(Parameters):
     """Full turn rates."""
 
@@ -234,7 +225,6 @@ class AngularScales(Parameters):
     roll: float = _scale(0.0, 'Full roll rate.', 'rad/s')
 
 
-@dataclass(frozen=True, kw_only=True)
 class AngularTurbo(Parameters):
     """Full turn rates with the turbo button."""
 
@@ -243,7 +233,6 @@ class AngularTurbo(Parameters):
     roll: float = _scale(0.0, 'Full roll rate with the turbo button.', 'rad/s')
 
 
-@dataclass(frozen=True, kw_only=True)
 class JoyParameters(Parameters):
     """What sticks and buttons mean; as they stand here, the preset mbot."""
 
@@ -297,7 +286,6 @@ PAD_HELP = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
 class PadParameters(Parameters):
     """Which pad, and how it is told of."""
 

@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import dataclass
 import gc
 import os
 import signal
@@ -29,7 +28,6 @@ from wasd_core import node as node_support
 pytestmark = pytest.mark.slow
 
 
-@dataclass(frozen=True, kw_only=True)
 class Arm(Parameters):
     speed: float = parameter(1.0, doc='Speed', unit='m/s', above=0.0)
     share: float = parameter(0.5, doc='Share', minimum=0.0, maximum=1.0)
@@ -296,7 +294,6 @@ def test_a_misspelt_parameter_is_told_and_one_of_another_node_is_not(ros, name, 
 
 
 def test_what_one_of_two_sets_of_a_node_refuses_changes_nothing_of_the_other(spawn):
-    @dataclass(frozen=True, kw_only=True)
     class Hand(Parameters):
         grip: float = parameter(1.0, doc='Grip', minimum=0.0)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import dataclass, fields, FrozenInstanceError, replace
+from dataclasses import fields, FrozenInstanceError, replace
 import math
 
 from cases import for_all
@@ -7,7 +7,6 @@ import pytest
 from wasd_core.parameters import InvalidParameter, numeric_ends, parameter, Parameters
 
 
-@dataclass(frozen=True, kw_only=True)
 class Arm(Parameters):
     speed: float = parameter(1.0, doc='Speed', unit='m/s', above=0.0, maximum=2.0)
     gain: float = parameter(0.5, doc='Gain')
@@ -83,7 +82,6 @@ def test_an_unknown_key_without_a_neighbour_lists_what_is_known():
         Arm.from_mapping({'xyz': 1.0})
 
 
-@dataclass(frozen=True, kw_only=True)
 class Leg(Parameters):
     fastest: float = parameter(math.nan, name='knee.max', doc='', unit='m/s', above=0.0, nan='off')
     slowest: float = parameter(-1.0, name='knee.min', doc='', maximum=0.0)
@@ -134,7 +132,6 @@ def test_a_value_that_is_legal_comes_back_as_it_is_kept():
     assert Leg.checked('joints', ['a']) == ('a',)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Gaits(Parameters):
     period: float = parameter(0.4, doc='', unit='s', above=0.0, span=(0.3, 0.6))
     gains: tuple[float, ...] = parameter(

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the guard; names of Nav2's collision monitor where it has one."""
 
-from dataclasses import dataclass
-
 from wasd_core.command_line import Executable
 from wasd_core.parameters import fixed, group, parameter, Parameters
 
@@ -19,7 +17,6 @@ guard = Executable(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
 class GuardParameters(Parameters):
     """When a command is limited, and by how much."""
 
@@ -75,7 +72,6 @@ class GuardParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class BrakingParameters(Parameters):
     """What decelerations the robot is sure to manage."""
 
@@ -90,7 +86,6 @@ class BrakingParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class GuardNodeParameters(SizeParameters, GuardParameters):
     """What the node needs beside that."""
 

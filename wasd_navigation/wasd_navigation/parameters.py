@@ -86,7 +86,6 @@ def footprint_of(radius: float, length: float, width: float) -> Footprint:
     return Footprint(radius=radius)
 
 
-@dataclass(frozen=True, kw_only=True)
 class SizeParameters(Parameters):
     """What of the floor a robot covers."""
 
@@ -118,7 +117,6 @@ def _spread(half: float, depth: float) -> list[float]:
     return [-half + width * (index + 0.5) for index in range(count)]
 
 
-@dataclass(frozen=True, kw_only=True)
 class MappingParameters(Parameters):
     """What scans are matched against, when places are kept, how the grid is drawn."""
 
@@ -174,7 +172,6 @@ class MappingParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class DriveLimits(Parameters):
     """What may be asked of a robot's base; the defaults are mbot's."""
 
@@ -210,7 +207,6 @@ class DriveLimits(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class PlanningParameters(Parameters):
     """When a goal is reached, how far to keep off, when to give up."""
 
@@ -292,7 +288,6 @@ class PlanningParameters(Parameters):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class NavigatorParameters(SizeParameters):
     """What the node needs beside what mapping and planning do."""
 
