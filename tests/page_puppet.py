@@ -232,10 +232,10 @@ class PagePuppet:
                 )
             time.sleep(0.0003)
 
-    def type(self, text: str) -> None:
-        """Type a text, a character in each picture."""
-        for character in text:
-            self._text = character
+    def type(self, text: str, at_once: bool = False) -> None:
+        """Type a text, a character in each picture or all in one."""
+        for part in [text] if at_once else text:
+            self._text = part
             while self._text:
                 time.sleep(0.002)
             self.draw()

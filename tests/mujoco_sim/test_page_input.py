@@ -4,7 +4,8 @@
 import random
 
 from mujoco_sim.viewer.clicks import CHANGE_PATIENCE, MOST_CHANGES, Mouse
-from mujoco_sim.viewer.input import GONE, LOSS, PageInput, SEVERAL, SILENCE
+from mujoco_sim.viewer.input import GONE, LOSS, MARK, PageInput, SEVERAL, SILENCE
+from mujoco_sim.viewer.strokes import Stroke
 from page_puppet import code
 import pytest
 from wasd_core.timing import LOST
@@ -405,3 +406,52 @@ def test_several_pointers_of_a_page_that_left_are_none_of_the_next(page):
 def test_a_button_that_no_mouse_has_waits_for_no_frame(page):
     assert page.hear('tab', NONE, Mouse(1 << 40 | 1 << 5)) == (0, (0, 0))
     assert not page.is_click_unseen
+
+
+ENTER = frozenset({code('Enter')})
+
+
+def entered(page: PageInput, clock: Clock, strokes: list[Stroke], pictures: int) -> str:
+    """
+    Return what a field of text holds when ENTER is seen; a frame comes every so many pictures.
+
+    As NetImgui does, a frame sees the last keys alone, and then the text of all pictures.
+    """
+    field, text = '', ''
+    for count, stroke in enumerate([*strokes, *[Stroke()] * 40 * pictures], 1):
+        clock.now += 0.02
+        page.hear('tab', stroke.keys)
+        shown = page.type(stroke)
+        text += shown.text
+        if count % pictures == 0:
+            if shown.keys & ENTER:
+                return field
+            page.see(0, bool(shown.keys & MARK))
+            field, text = field + text, ''
+    return f'{field}, not entered'
+
+
+ONE_BY_ONE = [*(Stroke(NONE, character) for character in '1.25'), Stroke(ENTER), Stroke()]
+
+
+@pytest.mark.parametrize('typed', [ONE_BY_ONE, [Stroke(ENTER, '1.25')]])
+@pytest.mark.parametrize('pictures', [1, 2, 3, 7])
+def test_what_is_typed_is_entered_whole_however_seldom_a_frame_comes(page, clock, typed, pictures):
+    page.set_typing(True)
+    assert entered(page, clock, typed, pictures) == '1.25'
+
+
+def test_keys_that_are_for_no_field_are_seen_at_once(page, clock):
+    page.hear('tab', W)
+    assert page.type(Stroke(W)) == Stroke(W)
+    assert page.type(Stroke(ENTER)) == Stroke(ENTER)
+
+
+def test_strokes_that_no_frame_sees_do_not_wait_for_ever(page, clock):
+    page.set_typing(True)
+    seen = set()
+    for keys in (W, NONE, W, ENTER, *[NONE] * 300):
+        clock.now += 0.02
+        page.hear('tab', keys)
+        seen |= page.type(Stroke(keys)).keys
+    assert seen >= W | ENTER

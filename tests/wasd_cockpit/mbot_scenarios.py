@@ -214,6 +214,20 @@ def scenario_time_goes_as_fast_as_the_field_says(page: Page) -> None:
 
 
 @paused
+def scenario_what_is_typed_and_entered_within_a_picture_is_taken_whole(page: Page) -> None:
+    page.click('speed')
+    page.wait_until(lambda: page.cockpit.page.widgets.is_typing, 'the field takes what is typed')
+    page.puppet.keys = {code('LeftCtrl'), code('A')}
+    page.puppet.draw(4)
+    page.puppet.keys = {code('Enter')}
+    page.puppet.type('0.75', at_once=True)
+    page.wait_until(lambda: page.session.simulation.pacer.speed == 0.75, 'all four characters')
+    page.puppet.keys = set()
+    page.puppet.draw(4)
+    type_speed(page, '1')
+
+
+@paused
 def scenario_time_that_goes_slower_by_steps_goes_on(page: Page) -> None:
     pacer = page.session.simulation.pacer
     type_speed(page, '0.3')

@@ -208,6 +208,11 @@ def buttons_down() -> int:
     return sum(imgui.IsMouseDown(button) << button for button in BUTTONS)
 
 
+def is_mark_down() -> bool:
+    """Return whether the frame that is drawn sees the mark of a stroke."""
+    return bool(imgui.IsKeyDown(imgui.Key.F23))
+
+
 class Pace:
     """
     The periods of work on a page [s], in the viewer's thread and in the simulation's.
@@ -247,9 +252,10 @@ class PacedUi:
         page_input: PageInput,
         pace: Pace,
         buttons: Callable[[], int] = buttons_down,
+        is_marked: Callable[[], bool] = is_mark_down,
     ) -> None:
         self._ui = ui
-        self._buttons = buttons
+        self._buttons, self._is_marked = buttons, is_marked
         self._input = page_input
         self._pace = pace
         self._next_scene = 0.0
@@ -274,7 +280,7 @@ class PacedUi:
             self._input.has_clicked = False
             self.is_drawing = self._ui.new_frame()
             if self.is_drawing:
-                self._input.see(self._buttons())
+                self._input.see(self._buttons(), self._is_marked())
         return True
 
     def end_frame(self) -> None:

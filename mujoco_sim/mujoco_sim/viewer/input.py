@@ -11,6 +11,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_core.timing import HELD, HELD_PERIOD, LOST, RELEASE, REPEAT_RATE, Watchdog, with_event
 
 from mujoco_sim.viewer.clicks import Clicks, IDLE, Mouse
+from mujoco_sim.viewer.strokes import Stroke, Strokes
 from mujoco_sim.viewer.turns import Turns
 
 # What is held down on a page counts for so long after it was heard [s]: with every picture.
@@ -105,6 +106,8 @@ class PageInput:
         self._undrawn = False
         self._clicks = Clicks()
         self._mouse = IDLE  # as it was told last
+        self._strokes = Strokes(MARK)
+        self._since = 0.0  # between the last two pictures [s]
         self.turns = Turns(clock)
         self._silence = 0.0  # the longest that a button is down since before [s]
         self.has_clicked = False  # until a frame of panels was begun for it
@@ -172,9 +175,21 @@ class PageInput:
         rate = self.rate
         return rate is None or rate * SILENCE >= 2.0
 
-    def see(self, buttons: int) -> None:
-        """Take which of the mouse's buttons a frame of panels has seen down, a bit for each."""
+    def see(self, buttons: int, is_marked: bool = False) -> None:
+        """Take which buttons, a bit for each, and whether MARK a frame of panels has seen down."""
         self._clicks.see(buttons)
+        self._strokes.see(is_marked)
+
+    def type(self, told: Stroke) -> Stroke:
+        """
+        Return the stroke that the next frame of panels shall see, of one that comes with `hear`.
+
+        MARK is among its keys as often as a frame has to see it.
+        """
+        with self._lock:
+            if not self._is_typing:
+                return self._strokes.skip(told)
+            return self._strokes.show(told, ENDS, self._since)
 
     def hear(self, source: object, down: frozenset[int], mouse: Mouse = IDLE) -> Mouse:
         """
@@ -193,7 +208,7 @@ class PageInput:
             if not self._life.is_alive:
                 self._clicks.forget()
             now = self._clock()
-            since = now - self._pictures[-1] if self._pictures else 0.0
+            self._since = since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
             shown = self._clicks.show(mouse, since)
             is_free = not mouse.buttons and not shown.buttons and self._clicks.is_seen
@@ -302,6 +317,10 @@ SHORTCUT = _codes('LeftCtrl', 'RightCtrl', 'LeftAlt', 'RightAlt', 'LeftSuper', '
 
 # The page's head holds this one down while several pointers are, two fingers or one and a mouse.
 SEVERAL = _codes('F24')
+# This one goes down or up with each stroke that a field of text is shown.
+MARK = _codes('F23')
+# These end what is typed in a field.
+ENDS = _codes('Enter', 'KeypadEnter', 'Tab', 'Escape')
 
 
 @dataclass

@@ -15,6 +15,7 @@ from wasd_core.network import LOOPBACK
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.head import HEAD
 from mujoco_sim.viewer.input import PageInput
+from mujoco_sim.viewer.strokes import Stroke
 from mujoco_sim.viewer.studio import session_of, SILENT_CONTROLLER
 
 NAMES = (LOOPBACK, 'localhost')
@@ -49,11 +50,15 @@ ProcessResponse = Callable[[ServerConnection, Request, Response], Response | Non
 # NetImgui's header: u32 size, u8 type, 3 bytes of nothing.
 _HEADER = struct.Struct('<IB3x')
 INPUT_TYPE = 2
-# NetImgui 18's input: at 12 two i16, where the pointer is [pixels]; at 552 a u64, a bit for each
-# button of the mouse; at 560 three of them, a bit for each key from ImGui's number 512 on.
+# NetImgui 18's input: at 12 two i16, where the pointer is [pixels]; at 24 text in UTF-16, and at
+# 536 a u16, how many of its u16; at 552 a u64, a bit for each button of the mouse; at 560 three of
+# them, a bit for each key from ImGui's number 512 on.
 INPUT_SIZE = 616
 _PLACE = struct.Struct('<2h')
 _PLACE_AT = 12
+_TEXT_AT = 24
+_LENGTH = struct.Struct('<H')
+_LENGTH_AT = 536
 _BUTTONS = struct.Struct('<Q')
 _BUTTONS_AT = 552
 _KEYS = struct.Struct('<3Q')
@@ -158,6 +163,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
                 if pressed is not None:
                     self._is_heard = True
                     packet = with_mouse(packet, self._input.hear(self, *pressed))
+                    packet = with_stroke(packet, self._input.type(stroke_of(packet)))
                 shown.append(packet)
         except UnknownPacket as error:
             rest, self._packets = self._packets.rest, None
@@ -314,6 +320,24 @@ def with_mouse(packet: bytes, mouse: Mouse) -> bytes:
     changed = bytearray(packet)
     _BUTTONS.pack_into(changed, _BUTTONS_AT, mouse.buttons)
     _PLACE.pack_into(changed, _PLACE_AT, *mouse.place)
+    return bytes(changed)
+
+
+def stroke_of(packet: bytes) -> Stroke:
+    """Return the keys and the text of an input packet."""
+    (length,) = _LENGTH.unpack_from(packet, _LENGTH_AT)
+    text = packet[_TEXT_AT : min(_TEXT_AT + 2 * length, _LENGTH_AT)]
+    return Stroke(keys_down(packet), text.decode('utf-16-le', 'surrogatepass'))
+
+
+def with_stroke(packet: bytes, stroke: Stroke) -> bytes:
+    """Return an input packet with other keys and another text."""
+    changed = bytearray(packet)
+    text = stroke.text.encode('utf-16-le', 'surrogatepass')
+    changed[_TEXT_AT : _TEXT_AT + len(text)] = text
+    _LENGTH.pack_into(changed, _LENGTH_AT, len(text) // 2)
+    bits = sum(1 << key - FIRST_KEY for key in stroke.keys)
+    changed[_KEYS_AT : _KEYS_AT + _KEYS.size] = bits.to_bytes(_KEYS.size, 'little')
     return bytes(changed)
 
 

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a field of text is shown of a keyboard, whose strokes may come faster than frames."""
+
+from typing import NamedTuple
+
+# So many strokes wait for frames of panels, and a frame has so long to see one [s].
+MOST_STROKES, STROKE_PATIENCE = 64, 1.0
+
+
+class Stroke(NamedTuple):
+    """The keys that are down, by ImGui's numbers, and the text that was typed meanwhile."""
+
+    keys: frozenset[int] = frozenset()
+    text: str = ''
+
+
+class Strokes:
+    """
+    Shows the panels one stroke at a time.
+
+    NetImgui hands each frame of panels the latest keys alone, and the text after them: what is
+    typed and then entered within a frame would be entered without its last character. So a stroke
+    is shown until a frame has seen it; later ones wait. The key `mark` goes down or up with each:
+    by it a frame tells which it has seen. This class reads no clock.
+    """
+
+    def __init__(self, mark: frozenset[int]) -> None:
+        self._mark = mark
+        self._is_marked = self._seen = False
+        self._age = 0.0
+        self._shown = self._told = frozenset[int]()
+        self._waiting: list[Stroke] = []
+
+    def see(self, is_marked: bool) -> None:
+        """Take whether a frame of panels has seen the mark down."""
+        self._seen = is_marked
+
+    def skip(self, told: Stroke) -> Stroke:
+        """Take a stroke that is for no field: it is seen at once."""
+        self._waiting.clear()
+        self._shown = self._told = told.keys
+        return self._marked(told)
+
+    def show(self, told: Stroke, ends: frozenset[int], dt: float) -> Stroke:
+        """
+        Take a stroke, `dt` [s] after the last one; return what is to be seen now.
+
+        A text that comes with a press of one of `ends` was typed before it.
+        """
+        self._age += dt
+        if told.text and (told.keys - self._told) & ends:
+            self._waiting.append(Stroke(self._told, told.text))
+            told = Stroke(told.keys)
+        if told.text or told.keys != self._told:
+            self._waiting.append(told)
+            self._told = told.keys
+        is_late = self._age > STROKE_PATIENCE or len(self._waiting) > MOST_STROKES
+        if not self._waiting or (self._seen != self._is_marked and not is_late):
+            return self._marked(Stroke(self._shown))
+        stroke = self._waiting.pop(0)
+        self._is_marked, self._age, self._shown = not self._is_marked, 0.0, stroke.keys
+        return self._marked(stroke)
+
+    def _marked(self, stroke: Stroke) -> Stroke:
+        return stroke._replace(keys=stroke.keys | self._mark) if self._is_marked else stroke
