@@ -39,14 +39,17 @@ SPARE = f"""
 const Draw = window.requestAnimationFrame.bind(window);
 window.requestAnimationFrame = draw => setTimeout(() => Draw(draw), {1000.0 / MOST_RATE:.0f});
 """
-# Counts the pictures that the page tells of, and the panels that it is sent, on their connection.
+# Counts the pictures that the page tells of, and the panels and states that it is sent.
 COUNT = """
-window.told = window.sent = window.longest = 0;
+window.told = window.sent = window.states = window.longest = 0;
 window.last = performance.now();
 const Plain = WebSocket;
 window.WebSocket = class extends Plain {
   constructor(...words) {
     super(...words);
+    if (String(words[0]).includes('/state')) this.addEventListener('message', event => {
+      if (typeof event.data !== 'string') window.states += 1;
+    });
     if (!String(words[0]).includes('/ui')) return;
     this.addEventListener('message', event => {
       const count = data => { if (new DataView(data).getUint8(4) === 3) window.sent += 1; };

@@ -26,6 +26,8 @@ from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 pytestmark = pytest.mark.slow
 
 Picture = Callable[[], np.ndarray]
+# A blind page is sent so many states a second at least, if its machine has time for it.
+FAST_ENOUGH = 30.0
 
 
 def share_of_orange(image: np.ndarray) -> float:
@@ -82,6 +84,32 @@ def see_a_slow_browser_not_be_sent_panels_that_it_cannot_show(browser: Any) -> N
     assert sent > 0
     # Every one but the first few, before the browser had told of anything, answers a picture.
     assert max(ahead) <= 5
+
+
+def test_a_page_that_draws_slowly_is_sent_fewer_states_than_one_that_draws_fast(
+    run_with_page: Callable[..., Any], browser: Any
+) -> None:
+    def counted() -> tuple[int, int]:
+        """Return how many pictures the page draws in a while, and how many states it is sent."""
+        count = 'return [window.told, window.states]'
+        told, states = browser.execute_script(count)
+        time.sleep(3.0)
+        later = browser.execute_script(count)
+        return later[0] - told, later[1] - states
+
+    # So slow a run has time to spare on a busy machine, too: the page alone sets the pace.
+    run = run_with_page('mbot', '--no-ros', '--speed', '0.1')
+    open_page(browser, run.url, is_blind=True)
+    fast_pictures, fast = counted()
+    if fast < 3.0 * FAST_ENOUGH:
+        pytest.skip(f'a fast page is sent {fast} states in 3 s here: as few as a slow one')
+    browser.execute_script("""
+        const draw = window.requestAnimationFrame.bind(window);
+        window.requestAnimationFrame = picture => setTimeout(() => draw(picture), 500);
+    """)
+    slow_pictures, slow = counted()
+    assert slow_pictures < 0.5 * fast_pictures
+    assert slow_pictures < slow < 0.75 * fast
 
 
 def test_a_key_that_is_held_ends_where_its_page_is_left_and_with_the_browser(

@@ -28,6 +28,13 @@ class Ui:
         """End it."""
 
 
+def draw(ui: PacedUi, frames: int = 1) -> None:
+    """Draw so many frames."""
+    for _ in range(frames):
+        ui.new_frame()
+        ui.end_frame()
+
+
 @pytest.fixture
 def page() -> PageInput:
     """Return the input of a page that nobody has opened."""
@@ -57,6 +64,53 @@ def test_a_hurried_simulation_draws_a_third_of_the_page(page):
     assert pace.panels >= 3.0 * panels
     # Still ten times a second, whatever the simulation does.
     assert pace.scene < pace.panels <= 0.1
+
+
+def test_the_scene_of_a_lone_page_waits_for_its_picture(page, monkeypatch):
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.LONE_PICTURE_TIMEOUT', LONG)
+    ui = PacedUi(Ui(), page, Pace(page), lambda: 0)
+    page.watch('driver')
+    page.hear('driver', NONE)
+    draw(ui)
+    frame = threading.Thread(target=ui.new_frame)
+    frame.start()
+    frame.join(0.2)
+    assert frame.is_alive()
+    page.hear('driver', NONE)
+    frame.join(0.5 * LONG)
+    assert not frame.is_alive()
+
+
+def test_a_scene_waits_for_no_picture_where_others_look_or_a_click_or_panels_wait(
+    page, monkeypatch
+):
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.LONE_PICTURE_TIMEOUT', LONG)
+    ui = PacedUi(Ui(), page, Pace(page), lambda: 0)
+
+    def see_it_draw_two() -> None:
+        """Draw one for what was heard, and one for nothing."""
+        frames = threading.Thread(target=draw, args=(ui, 2))
+        frames.start()
+        frames.join(0.5 * LONG)
+        assert not frames.is_alive()
+
+    see_it_draw_two()  # nobody is there
+    page.watch('driver')
+    page.watch('spectator')
+    page.hear('driver', NONE)
+    see_it_draw_two()
+    page.lose('spectator')
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.PANEL_PERIOD', LONG)
+    page.hear('driver', NONE)
+    draw(ui)
+    page.hear('driver', NONE)
+    see_it_draw_two()  # panels are not due
+    monkeypatch.undo()
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.LONE_PICTURE_TIMEOUT', LONG)
+    page.hear('driver', NONE, Mouse(1))
+    see_it_draw_two()  # no frame has seen the click
+    page.lose('driver')
+    see_it_draw_two()
 
 
 def test_a_hurried_page_has_a_frame_of_panels_for_a_click_at_once(page, monkeypatch):

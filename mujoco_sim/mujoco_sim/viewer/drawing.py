@@ -39,8 +39,11 @@ SCENE_PERIOD, PANEL_PERIOD = 0.012, 0.025
 HURRIED_SCENE_PERIOD, HURRIED_PANEL_PERIOD = 0.045, 0.09
 # ... and this often while nobody looks.
 UNSEEN_PERIOD = 0.1
-# A scene waits no longer than so for a picture of the browser, which may be slow or gone [s].
+# A scene waits no longer than so for a picture of the browser, which may be slow or gone [s] ...
 PICTURE_TIMEOUT = 0.005
+# ... and so long if it is for that browser alone: the next picture of a slow one shows a state
+# that is hardly older, and what is sent in between is shown by none.
+LONE_PICTURE_TIMEOUT = 0.05
 # How often it is tried to reach a browser that has not been heard yet [s].
 CONNECT_PERIOD = 0.2
 
@@ -267,7 +270,11 @@ class PacedUi:
     def new_frame(self) -> bool:
         """Begin a frame, of panels or only of the scene; always True."""
         self._input.rest(self._next_scene - time.monotonic())
-        self._has_drawn |= self._input.wait_for_picture(PICTURE_TIMEOUT)
+        # A frame of panels that waits for its turn is begun in time.
+        is_wanted = self._has_drawn or self._input.is_click_unseen
+        can_wait = self._input.is_alone and not is_wanted
+        timeout = LONE_PICTURE_TIMEOUT if can_wait else PICTURE_TIMEOUT
+        self._has_drawn |= self._input.wait_for_picture(timeout)
         now = time.monotonic()
         self._next_scene = now + self._pace.scene
         is_due = now >= self._next_panels or self._input.has_clicked

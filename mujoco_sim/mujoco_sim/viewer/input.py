@@ -149,6 +149,11 @@ class PageInput:
         return self.has_source or bool(self._watchers)
 
     @property
+    def is_alone(self) -> bool:
+        """Whether a browser that has been heard is the only one that is there."""
+        return self.has_source and len(self._watchers) <= 1
+
+    @property
     def rate(self) -> int | None:
         """How many pictures the browser has drawn in the last second; None for a new one."""
         with self._lock:
