@@ -8,6 +8,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from PIL import Image
+from robot_description.mujoco import begin_drawing
 
 from mujoco_sim.world import World
 
@@ -36,9 +37,15 @@ class Trace(NamedTuple):
 def take_picture(
     world: World, viewpoint: Viewpoint, path: Path, traces: Sequence[Trace] = ()
 ) -> None:
-    """Write the world as it is now as a PNG, with paths drawn as dots."""
+    """
+    Write the world as it is now as a PNG, with paths drawn as dots.
+
+    Raises:
+        UserError: this process is a fork of one that has drawn.
+    """
     width, height = SIZE
     camera = _camera(viewpoint)
+    begin_drawing()
     renderer = mujoco.Renderer(world.model, height, width, max_geom=10_000)
     try:
         renderer.update_scene(world.data, camera)

@@ -2,9 +2,11 @@
 from collections.abc import Iterator
 from dataclasses import replace
 import math
+import multiprocessing
 
 from descriptions import robot_named
 import mujoco
+from mujoco_sim.pictures import take_picture, Viewpoint
 from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.camera import Camera, Offscreen
 from mujoco_sim.sensors.mount import Site
@@ -14,7 +16,8 @@ import numpy as np
 import pytest
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco.builder import to_mujoco
-from wasd_core.errors import SimulationError
+from terminals import PATIENCE
+from wasd_core.errors import SimulationError, UserError
 
 # Each renders.
 pytestmark = pytest.mark.slow
@@ -144,3 +147,22 @@ def test_a_renderer_that_does_not_work_is_one_line(scene, monkeypatch):
     with pytest.raises(SimulationError, match='does not work here: ') as caught:
         Offscreen(scene, 64, 48)
     assert '\n' not in str(caught.value)
+
+
+def test_a_fork_of_a_process_that_has_drawn_refuses_to_and_does_not_hang(
+    scene, offscreen, tmp_path
+):
+    def draw():
+        for act in (
+            lambda: Offscreen(scene, 64, 48),
+            lambda: take_picture(scene, Viewpoint((0, 0, 0), 1, 0, 0), tmp_path / 'x.png'),
+        ):
+            with pytest.raises(UserError, match='by the method spawn'):
+                act()
+
+    forked = multiprocessing.get_context('fork').Process(target=draw)
+    forked.start()
+    forked.join(PATIENCE)
+    forked.kill()
+    forked.join()
+    assert forked.exitcode == 0

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from robot_description.mujoco import find_renderer, NO_RENDERER
+from robot_description.mujoco import begin_drawing, find_renderer, NO_RENDERER
 from robot_description.sensor_tags import COLOUR_TYPES, DEPTH_TYPES
 from wasd_core.errors import one_line, SimulationError
 from wasd_core.rotations import Pose
@@ -99,10 +99,12 @@ class Offscreen:
 
         Raises:
             SimulationError: there is no library to render with, or it does not work.
+            UserError: this process is a fork of one that has drawn.
         """
         name = find_renderer()
         if name is None:
             raise SimulationError(NO_RENDERER)
+        begin_drawing()
         try:
             self._context: Any = importlib.import_module(f'mujoco.{name}').GLContext(width, height)
             self._context.make_current()

@@ -15,6 +15,8 @@ _LIBRARIES = {'EGL': 'egl', 'OSMesa': 'osmesa'}
 _GLFW_VARIANT = 'PYGLFW_LIBRARY_VARIANT'
 _OFF = ('disable', 'disabled', 'off', 'false', '0')
 _WINDOW = ('enable', 'enabled', 'on', 'true', '1', 'glfw', 'glx', 'cgl', 'wgl', '')
+# The process that has drawn, and what it forks keeps.
+_drawn_in: list[int] = []
 
 
 def _use_own_window_library() -> None:
@@ -78,6 +80,20 @@ def choose_renderer() -> bool:
     if name is not None:
         os.environ['MUJOCO_GL'] = name
     return name is not None
+
+
+def begin_drawing() -> None:
+    """
+    Refuse to draw in a fork of a process that has drawn: EGL would wait for threads it left there.
+
+    Raises:
+        UserError: it is one; says how to start another.
+    """
+    if _drawn_in and _drawn_in[0] != os.getpid():
+        raise UserError(
+            'a process forked from one that has drawn cannot draw: start it by the method spawn'
+        )
+    _drawn_in[:] = [os.getpid()]
 
 
 def has_graphics_card() -> bool:
