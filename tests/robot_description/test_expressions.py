@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-import colorsys
-import importlib
-import logging
+import gc
 import math
+import os
+import select
+import sys
 import threading
+import time
 
 from cases import for_all
 import pytest
@@ -187,25 +189,39 @@ def test_a_new_python_expands_where_no_process_can_be_forked(tmp_path, monkeypat
         expand_document(path)
 
 
+class Garbage:
+    """Says so when it is collected in a child."""
+
+    def __init__(self):
+        self.itself, self.process = self, os.getpid()
+
+    def __del__(self):
+        """Print."""
+        if os.getpid() != self.process:
+            print('collected', file=sys.stderr)
+
+
 @pytest.mark.slow
-def test_a_fork_among_threads_that_hold_locks_goes_through(tmp_path):
+def test_a_fork_while_another_thread_is_stuck_in_a_print_goes_through(tmp_path, monkeypatch):
     path = tmp_path / 'robot.xacro'
-    path.write_text(FEATURES.split('<xacro:arg')[0] + '<link name="${1 + 1}"/></robot>')
-    is_over = threading.Event()
-
-    def work():
-        while not is_over.is_set():
-            logging.getLogger('nobody').debug('%s', sorted([[i] for i in range(1000)]))
-            importlib.reload(colorsys)
-
-    threads = [threading.Thread(target=work) for _ in range(4)]
-    for thread in threads:
+    message = '${xacro.message([[i] for i in range(9999)][0])}'
+    path.write_text(f'{FEATURES.split("<xacro:arg")[0]}<link name="{message}"/></robot>')
+    reader, writer = os.pipe()
+    with open(reader, 'rb') as pipe, open(writer, 'w', buffering=1) as stuck:
+        for name in ('stdout', 'stderr'):
+            monkeypatch.setattr(sys, name, stuck)
+        # It holds the stream's lock while nobody reads.
+        thread = threading.Thread(target=stuck.write, args=['x' * 1_000_000])
         thread.start()
-    try:
-        assert all('name="2"' in expand_document(path).urdf for _ in range(30))
-    finally:
-        is_over.set()
-        for thread in threads:
+        while select.select([], [writer], [], 0.0)[1]:
+            time.sleep(0.01)
+        try:
+            gc.collect()
+            Garbage()
+            assert 'name=""' in expand_document(path).urdf
+        finally:
+            while thread.is_alive():
+                pipe.read1()
             thread.join()
 
 
