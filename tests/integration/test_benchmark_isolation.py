@@ -7,11 +7,15 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+import threading
 import time
 from typing import Any
 import uuid
 
+from geometry_msgs.msg import Twist
 import pytest
+import rclpy
+from rclpy.node import Node
 from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -43,7 +47,6 @@ if __name__ == '__main__':
     rows = [*run.measure('careless', asked), *run.measure('curious', asked)]
     print(rows[0].measured, os.environ == before)
 """
-GOES = '0 0.3 0 0\n'
 STANDS = '0 0 0 0\n'
 LONG = ('--duration', '40')  # at full speed still seconds of wall time
 ALONE = 1e-6  # a robot that nobody else drives stays within so much [m]
@@ -89,18 +92,28 @@ def test_nothing_is_left_of_a_benchmark_that_was_killed(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope='module')
-def domain(new_runner: Any, ros_domains: Iterator[int]) -> Iterator[int]:
-    """Yield the ROS domain of another run, which is told to drive."""
+def domain(ros_domains: Iterator[int]) -> Iterator[int]:
+    """Yield a ROS domain in which another program tells a robot to drive, all the time."""
     domain = next(ros_domains)
-    other = new_runner(domain)
-    (other.folder / 'goes').write_text(GOES)
-    driving = ('mbot', '--twist', 'goes', '--viewer', 'none', '--duration', '900', '--speed', '1')
-    process = other.start(*driving, '--discovery', 'localhost')
-    while other('echo', '--once', 'cmd_vel').returncode:
-        assert process.poll() is None
+    context = rclpy.Context()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        rclpy.init(context=context, domain_id=domain)
+    publisher = Node('other', context=context).create_publisher(Twist, 'cmd_vel', 10)
+    goes = Twist()
+    goes.linear.x = 0.3
+    is_over = threading.Event()
+
+    def publish() -> None:
+        while not is_over.wait(0.01):
+            publisher.publish(goes)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
     yield domain
-    process.terminate()
-    assert process.wait(PATIENCE) == 128 + 15
+    is_over.set()
+    thread.join()
+    rclpy.shutdown(context=context)
 
 
 def test_a_script_at_full_speed_hears_nobody_whatever_the_environment_says(
@@ -116,7 +129,6 @@ def test_a_script_at_full_speed_has_company_when_it_is_asked_for(
     new_runner: Any, domain: int
 ) -> None:
     distance = distance_beside_another(new_runner, domain, '--discovery', 'localhost', *LONG)
-    # The other speaks seldom in a time that passes so fast.
     assert distance > 1e3 * ALONE
 
 
