@@ -150,7 +150,7 @@ def test_lint_says_it(row: Row) -> None:
 
 # What a robot drives, by its kind: so far [m] at a speed [m/s], a turn at a rate [rad/s], and how
 # far off it may be, as a share and [rad].
-WAY, SPEED, TURN, RATE, OFF, OFF_TURN = 1.0, 0.35, math.pi, 1.5, 0.01, 0.02
+WAY, SPEED, TURN, RATE, OFF, OFF_TURN = 0.7, 0.35, math.pi, 1.5, 0.01, 0.02
 # What it is given to settle as it was put down, and at most to come to rest [s].
 SETTLE, REST = 0.5, 1.0
 
@@ -165,7 +165,7 @@ def come_to_rest(robot: Any) -> None:
 
 
 def drive_wheels(robot: Any) -> None:
-    """Go 1 m ahead, then turn by 180 degrees on the spot; odometry knows."""
+    """Go WAY ahead, then turn by TURN on the spot; odometry knows."""
     robot.run(SETTLE)
     start, ahead = robot.truth.position.copy(), yaw_of(robot.truth.orientation)
     robot.drive(SPEED)
