@@ -68,7 +68,7 @@ def test_a_hurried_simulation_draws_a_third_of_the_page(page):
 
 def test_the_scene_of_a_lone_page_waits_for_its_picture(page, monkeypatch):
     monkeypatch.setattr('mujoco_sim.viewer.drawing.LONE_PICTURE_TIMEOUT', LONG)
-    ui = PacedUi(Ui(), page, Pace(page), lambda: 0)
+    ui = PacedUi(Ui(), page, Pace(page), lambda: 0, lambda: False)
     page.watch('driver')
     page.hear('driver', NONE)
     draw(ui)
@@ -85,7 +85,7 @@ def test_a_scene_waits_for_no_picture_where_others_look_or_a_click_or_panels_wai
     page, monkeypatch
 ):
     monkeypatch.setattr('mujoco_sim.viewer.drawing.LONE_PICTURE_TIMEOUT', LONG)
-    ui = PacedUi(Ui(), page, Pace(page), lambda: 0)
+    ui = PacedUi(Ui(), page, Pace(page), lambda: 0, lambda: False)
 
     def see_it_draw_two() -> None:
         """Draw one for what was heard, and one for nothing."""
@@ -117,7 +117,7 @@ def test_a_hurried_page_has_a_frame_of_panels_for_a_click_at_once(page, monkeypa
     monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_SCENE_PERIOD', LONG)
     monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_PANEL_PERIOD', LONG)
     pace, inner = Pace(page), Ui()
-    ui = PacedUi(inner, page, pace, lambda: inner.buttons)
+    ui = PacedUi(inner, page, pace, lambda: inner.buttons, lambda: False)
     pace.is_hurried = True
     page.hear('driver', NONE)
     assert ui.new_frame()
@@ -137,7 +137,7 @@ def test_what_a_click_does_is_shown_without_waiting_for_a_hurried_page(page, mon
     """Panels may see a press or its end only in the frame after the one that is begun for it."""
     monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_PANEL_PERIOD', LONG)
     pace, inner = Pace(page), Ui()
-    ui = PacedUi(inner, page, pace, lambda: inner.buttons)
+    ui = PacedUi(inner, page, pace, lambda: inner.buttons, lambda: False)
     pace.is_hurried = True
     begun = []
     for buttons in (0, 1, 1, 1):
@@ -153,7 +153,7 @@ def test_a_click_that_a_frame_did_not_see_yet_gets_another_without_a_picture(pag
     """The page draws none for it: its later packets are held back until then."""
     monkeypatch.setattr('mujoco_sim.viewer.drawing.PANEL_PERIOD', 0.0)
     inner = Ui()
-    ui = PacedUi(inner, page, Pace(page), lambda: inner.buttons)
+    ui = PacedUi(inner, page, Pace(page), lambda: inner.buttons, lambda: False)
     page.hear('driver', NONE, Mouse(1))
     for frames, seen in ((1, 0), (2, 1), (2, 1)):
         inner.buttons = seen
