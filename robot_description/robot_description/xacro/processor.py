@@ -51,8 +51,9 @@ def describe_document(document: minidom.Document, file: Path) -> dict[str, Any]:
         _join_text(node)
         # <xacro:attribute> leaves numbers.
         attributes = {name: str(value) for name, value in node.attributes.items()}
-        if attributes.pop('xmlns', None) is not None:  # all tags are URDF's, whoever named them
-            node.removeAttribute('xmlns')
+        for name in ('xmlns', 'xmlns:xacro'):  # all tags are URDF's, whoever named them
+            if attributes.pop(name, None) is not None:
+                node.removeAttribute(name)
         for name, value in attributes.items():
             node.setAttribute(name, value)
         texts = (child.data for child in node.childNodes if child.nodeType == child.TEXT_NODE)

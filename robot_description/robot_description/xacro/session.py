@@ -4,6 +4,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import starmap
 from pathlib import Path
+import re
 from typing import Any, NamedTuple
 
 from wasd_core.errors import DescriptionError
@@ -17,6 +18,10 @@ from robot_description.xacro.source import check_format, tidy, WANTED
 
 # How files end that may be too large to be looked into.
 NO_DESCRIPTIONS = (*EXTENSIONS, '.usd', '.usda', '.usdc', '.usdz')
+
+# To the end where it has none, so that the time it takes grows no faster than the file.
+NO_XACRO = re.compile(rb'<!--.*?(?:-->|\Z)|\sxmlns:xacro="[\w:/.-]*"', re.DOTALL)
+OTHER_MARKUP = re.compile(rb'<!(?!--)|<\?(?!xml )')
 
 # Of these alone we know that they depend on nothing else than the XML that is read: no variable of
 # the environment, no YAML.
@@ -73,9 +78,7 @@ class XacroSession:
             raise LocatedError(Place(self.path, 1), reason) from None
         data, notes = tidy(data)
         check_format(data, self.path)
-        # In UTF-16 one cannot see that it is xacro.
-        is_xacro = any(sign in data for sign in (b'xacro', b'$', b'\0'))
-        answer = self._run() if is_xacro else self._read(data, notes)
+        answer = self._run() if _is_xacro(data) else self._read(data, notes)
         if 'error' in answer:
             error = answer['error']
             at, reason, via = unlisted(error['place']), error['reason'], unlisted(error['via'])
@@ -137,6 +140,15 @@ def expand_document(
         known = session.expand()
         _known[asked] = known, session.sources
     return known
+
+
+def _is_xacro(data: bytes) -> bool:
+    """Return whether xacro may change a file; what it has made once only names it, at the top."""
+    # In CDATA and the like `<!--` begins no comment.
+    if b'eval-comments' not in data and not OTHER_MARKUP.search(data):
+        data = NO_XACRO.sub(b'', data)
+    # In UTF-16 one cannot see that it is xacro.
+    return any(sign in data for sign in (b'xacro', b'$', b'\0'))
 
 
 def _is_still(file: Path, text: bytes) -> bool:
