@@ -2,6 +2,7 @@
 """Every number has two ends; inside them robots go on, outside is refused, by ROS and by file."""
 
 from collections.abc import Callable
+from dataclasses import replace
 import importlib
 import math
 from pathlib import Path
@@ -96,62 +97,52 @@ def bounds(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 @pytest.mark.slow
 def test_ros_tells_the_ends_of_every_number_takes_them_and_refuses_what_is_outside(
-    ask: Any, ros: Any
+    ask: Any, bounds: Any, ros: Any
 ) -> None:
-    """By the callbacks that `ros2 param set` calls, on every node."""
-    asked = 0
-    for make_node in ask.NODES:
-        node = make_node()
-        for name in node.get_parameters_by_prefix(''):
-            descriptor = node.describe_parameter(name)
-            ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
-            if not ranges or descriptor.read_only:
-                continue
-            asked += 1
-            before = node.get_parameter(name).value
-            for end in (ranges[0].from_value, ranges[0].to_value):
-                node.set_parameters([Parameter(name, value=before)])
-                (taken,) = node.set_parameters([Parameter(name, value=end)])
-                # A preset may have a range of its own within it.
-                assert taken.successful or 'must be within' in taken.reason, taken.reason
-                assert node.get_parameter(name).value == (end if taken.successful else before)
-            span = ranges[0].to_value - ranges[0].from_value
-            step = 1 if isinstance(before, int) else 0.01 * span
-            for outside in (ranges[0].from_value - step, ranges[0].to_value + step):
-                (refused,) = node.set_parameters([Parameter(name, value=outside)])
-                assert not refused.successful, f'{name} = {outside}'
-                assert name in refused.reason
-                assert 'Max' in refused.reason or '<=' in refused.reason
-                assert node.get_parameter(name).value != outside
-            node.set_parameters([Parameter(name, value=before)])
-        node.destroy_node()
-    assert asked > 100
+    """
+    By the callbacks that `ros2 param set` calls, on every node, which goes on.
 
-
-@pytest.mark.slow
-def test_a_node_keeps_what_it_takes_and_goes_on(ask: Any, bounds: Any, ros: Any) -> None:
-    """Ends, the least number above 0, words, lists: by the callbacks of `ros2 param set`."""
-    asked = 0
+    Ends, the least number above 0, words and lists.
+    """
+    asked = numbers = 0
     for make_node, home in ask.NODES.items():
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         fields = {n: k.field for kind in sets_of(home) for n, k in known_parameters(kind).items()}
         for name in node.get_parameters_by_prefix(''):
-            if name not in fields or node.describe_parameter(name).read_only:
+            descriptor = node.describe_parameter(name)
+            ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+            if descriptor.read_only:
                 continue
             before = node.get_parameter(name)
-            for value in bounds.ends_of(fields[name]).values():
+            ends = [end for each in ranges for end in (each.from_value, each.to_value)]
+            more = bounds.ends_of(fields[name]).values() if name in fields else ()
+            for value in dict.fromkeys((*ends, *more)):
                 wanted = list(value) if isinstance(value, tuple) else value
                 (taken,) = node.set_parameters([Parameter(name, value=wanted)])
                 executor.spin_once(timeout_sec=0.001)
-                assert taken.successful or ('must' in taken.reason and '\n' not in taken.reason)
+                # A preset may have a range of its own within it.
+                refusal = 'must be within' if value in ends else 'must'
+                assert taken.successful or refusal in taken.reason
+                assert '\n' not in taken.reason
                 kept = Parameter(name, value=wanted) if taken.successful else before
                 assert repr(node.get_parameter(name).value) == repr(kept.value), name
                 node.set_parameters([before])
                 asked += 1
+            if not ranges:
+                continue
+            numbers += 1
+            step = 1 if isinstance(before.value, int) else 0.01 * (ends[1] - ends[0])
+            for outside in (ends[0] - step, ends[1] + step):
+                (refused,) = node.set_parameters([Parameter(name, value=outside)])
+                assert not refused.successful, f'{name} = {outside}'
+                assert name in refused.reason
+                assert 'Max' in refused.reason or '<=' in refused.reason
+                assert node.get_parameter(name).value == before.value
         executor.remove_node(node)
         node.destroy_node()
+    assert numbers > 100
     assert asked > 500
 
 
@@ -279,6 +270,14 @@ def test_no_set_of_parameters_within_their_ranges_ends_it_or_makes_nan(
     bounds: Any, seed: int
 ) -> None:
     ((_, run),) = bounds.sets(1, seed)
+    # The benchmark's walk in half its time; one that has fallen gets up with them, too.
+    run = replace(
+        run,
+        keys='0.1 2\n1.1 5\n3.4 2\n4.2 2\n',
+        twist='1.2 0.5 0 0.8\n2.0 1.0 0 1.0\n3.2 0 0 0\n',
+        tunes=tuple((1.6, name, value) for _, name, value in run.tunes),
+        duration=5.3,
+    )
     assert 'BROKE' not in bounds.judged(run)
 
 
