@@ -186,7 +186,6 @@ def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench, is_ba
     bench.until(lambda: watcher.place is not None)
     bench.press('2', 'fixed stand')
     bench.until(lambda: watcher.place.z > 0.33)
-    bench.press('4', 'trotting')
     left = 6  # presses, of which each moves the stick by a step
 
     def push():
@@ -195,15 +194,13 @@ def test_a_go2_is_driven_by_keys_and_by_velocities_as_the_page_says(bench, is_ba
             left -= 1
             bench.type('key_publisher', 'w')
 
-    bench.until(lambda: watcher.place.x > 0.1, push)
-    bench.press('2', 'fixed stand')
-    if not is_backward:  # else mbot's keys come so, too
-        bench.press('5', 'move base')
-        start = watcher.place.x
-        bench.until(
-            lambda: watcher.place.x > start + 0.1, lambda: bench.type('key_publisher', 'i')
-        )
+    if is_backward:  # mbot's keys come so, too
+        bench.press('4', 'trotting')
+        bench.until(lambda: watcher.place.x > 0.1, push)
         bench.press('2', 'fixed stand')
+    else:
+        bench.press('5', 'move base')
+        bench.until(lambda: watcher.place.x > 0.1, lambda: bench.type('key_publisher', 'i'))
     assert_all_is_well(bench)
 
 
