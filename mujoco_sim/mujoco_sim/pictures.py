@@ -97,6 +97,7 @@ def _pictures(
     ground, so `viewpoint.lookat` is relative to it.
     """
     width, height = size
+    begin_drawing()
     data = mujoco.MjData(world.model)
     renderer = mujoco.Renderer(world.model, height, width, max_geom=10_000)
     try:

@@ -68,6 +68,7 @@ class Drive:
         self.answers.clear()
         speeds = []
         while not self.answers:  # a busy machine lets it wait
+            assert len(speeds) < PATIENCE / 0.005, 'it does not go on'
             speeds += self.run(0.05)
         begin = self.answers[0]
         return begin, speeds + self.run(duration)

@@ -447,6 +447,35 @@ def test_keys_that_are_for_no_field_are_seen_at_once(page, clock):
     assert page.type(Stroke(ENTER)) == Stroke(ENTER)
 
 
+def test_what_a_browser_typed_that_is_lost_is_not_entered_by_the_next(page, clock):
+    page.set_typing(True)
+    for source, told in (('tab', Stroke(NONE, '1')), ('tab', Stroke(ENTER, '2'))):
+        page.hear(source, told.keys)
+        page.type(told)
+    page.lose('tab')
+    clock.now += 3.0
+    page.see(0, is_marked=True)
+    page.hear('next', NONE)
+    shown = page.type(Stroke())
+    assert (shown.text, shown.keys - MARK) == ('', NONE)
+
+
+def test_a_field_is_not_behind_by_a_frame_for_each_letter_and_each_end_of_a_press(page, clock):
+    page.set_typing(True)
+    typed = [Stroke(down, text) for text in 'abcdefgh' for down, text in ((W, text), (NONE, ''))]
+    for told in typed:
+        page.hear('tab', told.keys)
+        page.type(told)
+    seen = ''
+    for _ in range(4):
+        clock.now += 0.02
+        page.hear('tab', NONE)
+        shown = page.type(Stroke())
+        seen += shown.text
+        page.see(0, bool(shown.keys & MARK))
+    assert seen == 'bcdefgh'  # the first was seen when it came
+
+
 def test_strokes_that_no_frame_sees_do_not_wait_for_ever(page, clock):
     page.set_typing(True)
     seen = set()

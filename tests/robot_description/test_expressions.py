@@ -221,7 +221,8 @@ def test_a_fork_while_another_thread_is_stuck_in_a_print_goes_through(tmp_path, 
             assert 'name=""' in expand_document(path).urdf
         finally:
             while thread.is_alive():
-                pipe.read1()
+                if select.select([pipe], [], [], 0.01)[0]:
+                    pipe.read1()
             thread.join()
 
 

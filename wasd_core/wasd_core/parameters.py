@@ -123,7 +123,7 @@ def _is_group(field: 'dataclasses.Field[Any]') -> bool:
 
 
 # Without methods that are compiled for each set: they would take a start tens of milliseconds.
-_parameter_set = dataclasses.dataclass(frozen=True, init=False, repr=False, eq=False)
+_parameter_set = dataclasses.dataclass(init=False, repr=False, eq=False)
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -158,6 +158,14 @@ class Parameters:
         if values:
             raise TypeError(f'{type(self).__name__} has no {", ".join(map(repr, values))}')
         self.__post_init__()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse: a set is frozen."""
+        raise dataclasses.FrozenInstanceError(f'cannot assign to field {name!r}')
+
+    def __delattr__(self, name: str) -> None:
+        """Refuse: a set is frozen."""
+        raise dataclasses.FrozenInstanceError(f'cannot delete field {name!r}')
 
     def _values(self) -> tuple[Any, ...]:
         return tuple(getattr(self, field.name) for field in dataclasses.fields(self))

@@ -194,7 +194,7 @@ class PageInput:
         with self._lock:
             if not self._is_typing:
                 return self._strokes.skip(told)
-            return self._strokes.show(told, ENDS, self._since)
+            return self._strokes.show(told, ACTS, self._since)
 
     def hear(self, source: object, down: frozenset[int], mouse: Mouse = IDLE) -> Mouse:
         """
@@ -306,6 +306,7 @@ class PageInput:
         self._undrawn = False
         self.has_clicked = self.are_several = False
         self._clicks.forget()
+        self._strokes.forget()
 
 
 def _codes(*names: str) -> frozenset[int]:
@@ -324,8 +325,10 @@ SHORTCUT = _codes('LeftCtrl', 'RightCtrl', 'LeftAlt', 'RightAlt', 'LeftSuper', '
 SEVERAL = _codes('F24')
 # This one goes down or up with each stroke that a field of text is shown.
 MARK = _codes('F23')
-# These end what is typed in a field.
-ENDS = _codes('Enter', 'KeypadEnter', 'Tab', 'Escape')
+# These do something to what is typed in a field.
+ACTS = _codes(
+    'Enter', 'KeypadEnter', 'Tab', 'Escape', 'Backspace', 'Delete', 'Home', 'End'
+) | _codes('LeftArrow', 'RightArrow', 'LeftCtrl', 'RightCtrl')
 
 
 @dataclass

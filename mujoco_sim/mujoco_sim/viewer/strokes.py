@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 # So many strokes wait for frames of panels, and a frame has so long to see one [s].
 MOST_STROKES, STROKE_PATIENCE = 64, 1.0
+# A text that waits grows no longer [characters]: a packet has room for 256, some of which are two.
+MOST_TYPED = 100
 
 
 class Stroke(NamedTuple):
@@ -25,6 +27,7 @@ class Strokes:
     """
 
     def __init__(self, mark: frozenset[int]) -> None:
+        """Take the key that marks a stroke."""
         self._mark = mark
         self._is_marked = self._seen = False
         self._age = 0.0
@@ -35,20 +38,32 @@ class Strokes:
         """Take whether a frame of panels has seen the mark down."""
         self._seen = is_marked
 
+    def forget(self) -> None:
+        """Let nothing wait: another browser types."""
+        self._waiting.clear()
+        self._shown = self._told = frozenset()
+
     def skip(self, told: Stroke) -> Stroke:
         """Take a stroke that is for no field: it is seen at once."""
         self._waiting.clear()
         self._shown = self._told = told.keys
         return self._marked(told)
 
-    def show(self, told: Stroke, ends: frozenset[int], dt: float) -> Stroke:
+    def show(self, told: Stroke, acts: frozenset[int], dt: float) -> Stroke:
         """
         Take a stroke, `dt` [s] after the last one; return what is to be seen now.
 
-        A text that comes with a press of one of `ends` was typed before it.
+        A text that comes with a press of one of `acts`, keys that do something to a field, was
+        typed before it.
         """
         self._age += dt
-        if told.text and (told.keys - self._told) & ends:
+        new, last = told.keys - self._told, self._waiting[-1] if self._waiting else Stroke()
+        if last.text and len(last.text + told.text) <= MOST_TYPED and not new & acts:
+            # More text, or the end of a press, is seen in the same frame.
+            if told.text or not new:
+                self._waiting[-1] = Stroke(told.keys, last.text + told.text)
+                self._told, told = told.keys, Stroke(told.keys)
+        elif told.text and new & acts:
             self._waiting.append(Stroke(self._told, told.text))
             told = Stroke(told.keys)
         if told.text or told.keys != self._told:

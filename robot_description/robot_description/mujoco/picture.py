@@ -12,7 +12,7 @@ from wasd_core.output_file import OutputFile
 
 from robot_description.mujoco.builder import add_sky, compile_model, to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.mujoco.renderer import find_renderer, NO_RENDERER
+from robot_description.mujoco.renderer import begin_drawing, find_renderer, NO_RENDERER
 from robot_description.robot import Robot
 
 SIZE = (1280, 960)
@@ -65,6 +65,7 @@ def _render(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     camera.distance = MARGIN * float(np.linalg.norm(high - low)) / 2.0 / np.tan(half_angle)
     camera.azimuth, camera.elevation = AZIMUTH, ELEVATION
     width, height = SIZE
+    begin_drawing()
     renderer = mujoco.Renderer(model, height, width)
     try:
         renderer.update_scene(data, camera)
