@@ -64,7 +64,7 @@ class Drive:
         return self.speeds
 
     def run_on(self, duration):
-        """Simulate until the controller has been heard again for so long; return when it was."""
+        """Simulate until so long after the controller is heard; return when it was, and speeds."""
         self.answers.clear()
         speeds = []
         while not self.answers:  # a busy machine lets it wait

@@ -6,7 +6,15 @@ import struct
 
 from cases import for_all
 from mujoco_sim.viewer.clicks import Mouse
-from mujoco_sim.viewer.server import InputPackets, UnknownPacket, with_mouse
+from mujoco_sim.viewer.server import (
+    InputPackets,
+    keys_down,
+    text_of,
+    UnknownPacket,
+    with_mouse,
+    with_stroke,
+)
+from mujoco_sim.viewer.strokes import Stroke
 from page_puppet import input_packet, VERSION_PACKET
 import pytest
 
@@ -41,6 +49,17 @@ def test_what_is_passed_on_is_what_came_but_for_the_mouse():
     assert with_mouse(input_packet({520}, (3, 4), 1), Mouse(2, (-5, 6))) == input_packet(
         {520}, (-5, 6), 2
     )
+
+
+@for_all('text', ['', '1.25', '\U0001f600', 'x' * 256])
+def test_a_packet_takes_another_stroke_and_nothing_else_of_it_changes(text):
+    keys = frozenset({512, 600, 703})
+    told = input_packet({520}, (3, 4), 1, text='ab')
+    packet = with_stroke(told, Stroke(keys, text))
+    assert (keys_down(packet), text_of(packet)) == (keys, text)
+    # What a longer text leaves behind its end is read by nobody.
+    back = with_stroke(packet, Stroke(frozenset({520}), 'ab' + '\0' * 254))
+    assert with_stroke(back, Stroke(frozenset({520}), 'ab')) == told
 
 
 @for_all('size', [0, 7, 2**20 + 1, 2**32 - 1])

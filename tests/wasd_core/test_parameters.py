@@ -65,6 +65,21 @@ def test_a_set_is_checked_again_when_it_is_replaced():
 def test_a_set_cannot_be_changed_in_place():
     with pytest.raises(FrozenInstanceError):
         Arm().speed = 1.5
+    with pytest.raises(FrozenInstanceError):
+        del Arm().speed
+
+
+def test_a_set_has_no_other_values_than_its_fields():
+    with pytest.raises(TypeError, match="Arm has no 'sped'"):
+        Arm(sped=1.5)
+    with pytest.raises(TypeError):
+        Arm(1.5)
+
+
+def test_sets_of_equal_values_are_equal_and_are_shown_as_the_call_that_makes_them():
+    assert len({Arm(), Arm(speed=1.0), Arm(speed=2.0)}) == 2
+    assert Arm() != Arm(gain=0.4)
+    assert eval(repr(Arm(speed=1.5)), {'Arm': Arm}) == Arm(speed=1.5)
 
 
 def test_a_mapping_sets_what_it_names_and_leaves_the_rest():

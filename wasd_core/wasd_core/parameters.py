@@ -130,7 +130,7 @@ _parameter_set = dataclasses.dataclass(init=False, repr=False, eq=False)
 @_parameter_set
 class Parameters:
     """
-    Base of a package's parameter sets: a subclass is a frozen dataclass, without a decorator.
+    Base of a package's parameter sets: a subclass becomes a dataclass that cannot be changed.
 
     Its fields are made by `parameter`, `fixed` and `group`. `__post_init__` may check further.
 
@@ -141,7 +141,7 @@ class Parameters:
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
     def __init_subclass__(cls) -> None:
-        """Make a frozen dataclass of each subclass."""
+        """Make a dataclass of each subclass."""
         super().__init_subclass__()
         _parameter_set(cls)
 

@@ -106,7 +106,7 @@ class PageInput:
         self._undrawn = False
         self._clicks = Clicks()
         self._mouse = IDLE  # as it was told last
-        self._strokes = Strokes(MARK)
+        self._strokes = Strokes(MARK, ACTS)
         self._since = 0.0  # between the last two pictures [s]
         self.turns = Turns(clock)
         self._silence = 0.0  # the longest that a button is down since before [s]
@@ -181,7 +181,7 @@ class PageInput:
         return rate is None or rate * SILENCE >= 2.0
 
     def see(self, buttons: int, is_marked: bool = False) -> None:
-        """Take which buttons, a bit for each, and whether MARK a frame of panels has seen down."""
+        """Take what a frame of panels has seen down: buttons, a bit for each, and MARK."""
         self._clicks.see(buttons)
         self._strokes.see(is_marked)
 
@@ -189,12 +189,12 @@ class PageInput:
         """
         Return the stroke that the next frame of panels shall see, of one that comes with `hear`.
 
-        MARK is among its keys as often as a frame has to see it.
+        MARK is among its keys while the panels shall see it down.
         """
         with self._lock:
             if not self._is_typing:
                 return self._strokes.skip(told)
-            return self._strokes.show(told, ACTS, self._since)
+            return self._strokes.show(told, self._since)
 
     def hear(self, source: object, down: frozenset[int], mouse: Mouse = IDLE) -> Mouse:
         """

@@ -163,7 +163,8 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
                 if pressed is not None:
                     self._is_heard = True
                     packet = with_mouse(packet, self._input.hear(self, *pressed))
-                    packet = with_stroke(packet, self._input.type(stroke_of(packet)))
+                    stroke = Stroke(pressed[0], text_of(packet))
+                    packet = with_stroke(packet, self._input.type(stroke))
                 shown.append(packet)
         except UnknownPacket as error:
             rest, self._packets = self._packets.rest, None
@@ -323,11 +324,11 @@ def with_mouse(packet: bytes, mouse: Mouse) -> bytes:
     return bytes(changed)
 
 
-def stroke_of(packet: bytes) -> Stroke:
-    """Return the keys and the text of an input packet."""
+def text_of(packet: bytes) -> str:
+    """Return the text that was typed in an input packet."""
     (length,) = _LENGTH.unpack_from(packet, _LENGTH_AT)
     text = packet[_TEXT_AT : min(_TEXT_AT + 2 * length, _LENGTH_AT)]
-    return Stroke(keys_down(packet), text.decode('utf-16-le', 'surrogatepass'))
+    return text.decode('utf-16-le', 'surrogatepass')
 
 
 def with_stroke(packet: bytes, stroke: Stroke) -> bytes:

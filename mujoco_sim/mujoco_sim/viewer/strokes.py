@@ -22,13 +22,17 @@ class Strokes:
 
     NetImgui hands each frame of panels the latest keys alone, and the text after them: what is
     typed and then entered within a frame would be entered without its last character. So a stroke
-    is shown until a frame has seen it; later ones wait. The key `mark` goes down or up with each:
-    by it a frame tells which it has seen. This class reads no clock.
+    is shown until a frame has seen it; later ones wait. This class reads no clock.
     """
 
-    def __init__(self, mark: frozenset[int]) -> None:
-        """Take the key that marks a stroke."""
-        self._mark = mark
+    def __init__(self, mark: frozenset[int], acts: frozenset[int]) -> None:
+        """
+        Take two kinds of keys by ImGui's numbers.
+
+        `mark` goes down or up with each stroke: by it a frame tells which it has seen. `acts` do
+        something to a field.
+        """
+        self._mark, self._acts = mark, acts
         self._is_marked = self._seen = False
         self._age = 0.0
         self._shown = self._told = frozenset[int]()
@@ -49,21 +53,20 @@ class Strokes:
         self._shown = self._told = told.keys
         return self._marked(told)
 
-    def show(self, told: Stroke, acts: frozenset[int], dt: float) -> Stroke:
+    def show(self, told: Stroke, dt: float) -> Stroke:
         """
         Take a stroke, `dt` [s] after the last one; return what is to be seen now.
 
-        A text that comes with a press of one of `acts`, keys that do something to a field, was
-        typed before it.
+        A text that comes with a press of one of `acts` was typed before it.
         """
         self._age += dt
         new, last = told.keys - self._told, self._waiting[-1] if self._waiting else Stroke()
-        if last.text and len(last.text + told.text) <= MOST_TYPED and not new & acts:
+        if last.text and len(last.text + told.text) <= MOST_TYPED and not new & self._acts:
             # More text, or the end of a press, is seen in the same frame.
             if told.text or not new:
                 self._waiting[-1] = Stroke(told.keys, last.text + told.text)
                 self._told, told = told.keys, Stroke(told.keys)
-        elif told.text and new & acts:
+        elif told.text and new & self._acts:
             self._waiting.append(Stroke(self._told, told.text))
             told = Stroke(told.keys)
         if told.text or told.keys != self._told:

@@ -15,7 +15,7 @@ _LIBRARIES = {'EGL': 'egl', 'OSMesa': 'osmesa'}
 _GLFW_VARIANT = 'PYGLFW_LIBRARY_VARIANT'
 _OFF = ('disable', 'disabled', 'off', 'false', '0')
 _WINDOW = ('enable', 'enabled', 'on', 'true', '1', 'glfw', 'glx', 'cgl', 'wgl', '')
-# The process that has drawn, and what it forks keeps.
+# The process that has drawn; a fork of it inherits this.
 _drawn_in: list[int] = []
 
 

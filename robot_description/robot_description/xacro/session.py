@@ -19,7 +19,7 @@ from robot_description.xacro.source import check_format, tidy, WANTED
 # How files end that may be too large to be looked into.
 NO_DESCRIPTIONS = (*EXTENSIONS, '.usd', '.usda', '.usdc', '.usdz')
 
-# To the end where it has none, so that the time it takes grows no faster than the file.
+# A comment without an end goes to the end of the file: the time grows no faster than the file.
 NO_XACRO = re.compile(rb'<!--.*?(?:-->|\Z)|\sxmlns:xacro="[\w:/.-]*"', re.DOTALL)
 OTHER_MARKUP = re.compile(rb'<!(?!--)|<\?(?!xml )')
 
@@ -143,7 +143,7 @@ def expand_document(
 
 
 def _is_xacro(data: bytes) -> bool:
-    """Return whether xacro may change a file; what it has made once only names it, at the top."""
+    """Return whether xacro may change a file: more than a comment or a namespace names it."""
     # In CDATA and the like `<!--` begins no comment.
     if b'eval-comments' not in data and not OTHER_MARKUP.search(data):
         data = NO_XACRO.sub(b'', data)
