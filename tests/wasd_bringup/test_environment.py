@@ -2,7 +2,9 @@
 """The Gymnasium environment: the API's own check, equal bits, what it shows and rewards."""
 
 import copy
+from ctypes.util import find_library
 from dataclasses import replace
+import os
 from pathlib import Path
 import pickle
 import subprocess
@@ -16,7 +18,9 @@ import numpy as np
 from physics_steps import steps_taken
 from policy_player.onnx_writer import write_layers
 from policy_player.policy_file import read_policy
+from programs import run
 import pytest
+from terminals import PATIENCE
 import wasd
 
 gymnasium = pytest.importorskip('gymnasium')
@@ -155,6 +159,17 @@ def test_a_wrong_argument_is_said_in_a_line():
         gymnasium.make(NAME, render_mode='ansi', disable_env_checker=True)
     with pytest.raises(UserError, match=r'physics_step: got 0.003, wanted 0.001, 0.002 or 0.004'):
         gymnasium.make(NAME, physics_step=0.003, disable_env_checker=True)
+
+
+@pytest.mark.skipif(find_library('OSMesa') is None, reason='no OSMesa')
+def test_a_script_that_does_not_close_what_draws_by_osmesa_ends_without_a_word():
+    made = "from wasd.environment import *; env = Go2Environment(render_mode='rgb_array')"
+    ended = run(
+        (sys.executable, '-c', f'{made}; env.reset(); env.render()'),
+        timeout=PATIENCE,
+        env=os.environ | dict.fromkeys(('MUJOCO_GL', 'PYOPENGL_PLATFORM'), 'osmesa'),
+    )
+    assert (ended.returncode, ended.stderr) == (0, b'')
 
 
 def trot(time: float) -> np.ndarray:

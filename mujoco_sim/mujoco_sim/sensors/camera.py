@@ -9,6 +9,7 @@ import functools
 import importlib
 import math
 from typing import Any, NamedTuple
+import weakref
 
 import mujoco
 import numpy as np
@@ -107,6 +108,8 @@ class Offscreen:
         begin_drawing()
         try:
             self._context: Any = importlib.import_module(f'mujoco.{name}').GLContext(width, height)
+            # Not when the interpreter has gone, where OSMesa's cannot go any more.
+            weakref.finalize(self, self._context.free)
             self._context.make_current()
             with _quick_quality(world.model, width, height):
                 self._renderer = mujoco.MjrContext(
