@@ -58,10 +58,11 @@ def read_policy(path: str | Path, config: str | Path | None = None) -> Policy:
     except DescriptionError as error:
         raise PolicyError(str(error)) from None
     try:
-        file = None if data[:4] == b'PK\x03\x04' else read_onnx(path, data)
-        spec, found = _specification(path, file, config)
-        network: Network
-        network = read_torchscript(data) if file is None else OnnxNetwork(file, spec.width)
+        is_zip = data[:4] == b'PK\x03\x04'
+        file = read_torchscript(data) if is_zip else read_onnx(path, data)
+        metadata = file.metadata if isinstance(file, OnnxFile) else {}
+        spec, found = _specification(path, metadata, config)
+        network = OnnxNetwork(file, spec.width) if isinstance(file, OnnxFile) else file
         spec.check_widths(network.takes, network.gives)
         _check_speed(network, spec.period)
     except _ConfigError as error:
@@ -95,14 +96,14 @@ class _ConfigError(PolicyError):
 
 
 def _specification(
-    path: Path, file: OnnxFile | None, config: str | Path | None
+    path: Path, metadata: dict[str, str], config: str | Path | None
 ) -> tuple[PolicySpec, str]:
     if config is not None and str(config) in PRESETS:
         return PRESETS[str(config)](), str(config)
     if config is not None:
         return _read_config(Path(config)), str(config)
-    if file is not None and 'joint_names' in file.metadata:
-        return from_metadata(file.metadata), ''
+    if 'joint_names' in metadata:
+        return from_metadata(metadata), ''
     for name in _BESIDE:
         beside = path.parent / name
         if beside.is_file():

@@ -239,6 +239,12 @@ def test_a_pickle_is_never_run(tmp_path):
     assert not mark.exists()
 
 
+def test_a_file_cut_in_its_zip_is_said_to_be_before_its_settings_are_missed(tmp_path):
+    path = tmp_path / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*ZERO))[:100])
+    assert 'cut short' in refusal(path)
+
+
 @for_all(
     ('change', 'words'),
     [
