@@ -23,6 +23,9 @@ WORLD_KINDS = (
 FRICTION = (0.01, 2.0)
 # The most that a robot is loaded with [kg]. A Go2 carries 8, at most 12; others here weigh more.
 HEAVIEST = 100.0
+# From the origin of the base to the load's centre, along each axis [m].
+FARTHEST = 1.0
+NEAR = f', X, Y and Z within {FARTHEST:g} m'
 # Rates of joint_states [Hz]: for controllers in other processes, and (SHOWN_RATE) for watchers.
 STATE_RATE = 100.0
 # Lidars by name: as the tag says, all rays of one instant, or a planar one that is sold.
@@ -138,7 +141,7 @@ class Payload(NamedTuple):
         Return the load that `KG` or `KG@X,Y,Z` says.
 
         Raises:
-            UserError: it is not a mass that a robot is loaded with and three finite lengths.
+            UserError: it is not a mass that a robot is loaded with and three lengths near it.
         """
         mass, at, place = text.partition('@')
         try:
@@ -147,14 +150,14 @@ class Payload(NamedTuple):
             if not payload.is_possible:
                 raise ValueError
         except ValueError:
-            wanted = f'wanted KG or KG@X,Y,Z with KG > 0 and <= {HEAVIEST:g}'
+            wanted = f'wanted KG or KG@X,Y,Z with KG > 0 and <= {HEAVIEST:g}{NEAR}'
             raise UserError(f'payload: got {text!r}, {wanted}') from None
         return payload
 
     @property
     def is_possible(self) -> bool:
         """Whether there is such a load."""
-        return 0.0 < self.mass <= HEAVIEST and all(map(math.isfinite, self.place))
+        return 0.0 < self.mass <= HEAVIEST and all(abs(one) <= FARTHEST for one in self.place)
 
 
 @dataclass(frozen=True)
@@ -189,7 +192,7 @@ class Untold:
         for name in ('randomise', 'imu_drift'):
             SimulatorParameters.checked(name, float(getattr(self, name)))
         if self.payload is not None and not self.payload.is_possible:
-            wanted = f'wanted a mass > 0 and <= {HEAVIEST:g} kg at a place'
+            wanted = f'wanted a mass > 0 and <= {HEAVIEST:g} kg{NEAR}'
             raise UserError(f'payload: got {tuple(self.payload)}, {wanted}')
 
     @classmethod

@@ -80,6 +80,7 @@ def test_a_link_may_be_called_payload_and_lie_anywhere(tmp_path):
         ({'imu_drift': -1.0}, 'imu_drift must be >= 0 and <= 100, got -1.0'),
         ({'payload': Payload(-1.0)}, r'payload: got \(-1.0, .*wanted a mass > 0'),
         ({'payload': Payload(1.0, (math.inf, 0.0, 0.0))}, 'payload: got '),
+        ({'payload': Payload(8.0, (1000.0, 0.0, 0.0))}, 'kg, X, Y and Z within 1 m'),
     ],
 )
 def test_what_no_robot_or_floor_can_have_is_refused_wherever_it_comes_from(words, said):
@@ -92,7 +93,9 @@ def test_a_payload_is_a_mass_and_where_it_is():
     assert Payload.parse('.5@0.1,-.2,3e-2') == Payload(0.5, (0.1, -0.2, 0.03))
 
 
-@for_all('text', ['', '0', '-1', '101', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@'])
+@for_all(
+    'text', ['', '0', '-1', '101', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '8@0,-1e3,0', '@']
+)
 def test_anything_else_is_no_payload(text):
     with pytest.raises(UserError, match='payload: got .*, wanted KG or KG@X,Y,Z'):
         Payload.parse(text)
