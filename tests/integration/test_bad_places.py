@@ -128,14 +128,15 @@ def test_a_folder_that_one_may_not_enter(tmp_path):
             assert 'Permission denied' in said
 
 
-@pytest.mark.parametrize('option', ['--description', '--gamepad'])
+@pytest.mark.parametrize('option', ['--description', '--gamepad', '--save-map'])
 def test_a_name_that_is_no_utf_8_is_not_for_ros(option, wasd, tmp_path):
     path = tmp_path / '\udcff.urdf'
     path.write_text(CART)
     done = wasd('mbot', *RUN, option, str(path))
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
-    assert 'UTF-8' in done.stderr
+    assert 'UTF-8, as ROS has no other' in done.stderr
+    assert 'choose another name' in done.stderr
 
 
 def test_a_goal_that_is_not_reached_is_told_at_the_end_where_no_terminal_shows_it(wasd):

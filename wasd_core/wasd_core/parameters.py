@@ -277,9 +277,10 @@ def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) ->
         value = float(value)
     if type(value) is not kind:
         raise InvalidParameter(f'{name} must be {WORDS[kind]}, got {shown(value)}')
-    # ROS has no other text; the names of some files are none.
+    # The names of some files are no text.
     if isinstance(value, str) and value.encode(errors='replace').decode() != value:
-        raise InvalidParameter(f'{name} must be text in UTF-8, got {shown(value)}')
+        got = f'got {shown(value)}: choose another name'
+        raise InvalidParameter(f'{name} must be text in UTF-8, as ROS has no other, {got}')
     if meta.get('choices') and value not in meta['choices']:
         wanted = ', '.join(meta['choices'])
         raise InvalidParameter(f'{name} must be one of {wanted}, got {shown(value)}')
