@@ -80,8 +80,8 @@ def _with_keys_of_layout(keymap: Keymap, layout: str) -> Keymap:
         speed_keys=MappingProxyType({names[key]: f for key, f in keymap.speed_keys.items()}),
         stop_keys=frozenset(names[key] for key in keymap.stop_keys),
     )
-    title = *keymap.help_lines[:1], f'keyboard {layout}'
-    return dataclasses.replace(moved, help_lines=(', '.join(title), *help_table(moved)))
+    title = f'preset {keymap.name}, keyboard {layout}'  # the keymap's own may name its keys
+    return dataclasses.replace(moved, help_lines=(title, *help_table(moved)))
 
 
 def _load(name_or_path: str, others: Sequence[str]) -> Keymap:

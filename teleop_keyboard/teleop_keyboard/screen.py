@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import math
 import os
 import shutil
+import textwrap
 from typing import TextIO
 
 from wasd_core.streams import offer, PATIENCE, visible
@@ -92,6 +93,16 @@ def styled(line: Line, in_ascii: bool) -> str:
     return f'{style}{text}{NORMAL}' if style else text
 
 
+def folded(lines: Sequence[str], stream: TextIO) -> str:
+    """Return lines in one text; a terminal would break those that are too long inside words."""
+    if stream.isatty():
+        fold = textwrap.TextWrapper(
+            shutil.get_terminal_size().columns, break_long_words=False, break_on_hyphens=False
+        )
+        lines = ['\n'.join(fold.wrap(line)) for line in lines]
+    return '\n'.join(lines)
+
+
 def _encodes(stream: TextIO, text: str) -> bool:
     try:
         text.encode(stream.encoding or 'utf-8')
@@ -171,7 +182,8 @@ class StatusLine:
     def print(self, lines: Sequence[str]) -> None:
         """Write lines above the status, which comes again below them."""
         clear = ('\r\x1b[J' if self._below else '\r\x1b[K') if self._shown else ''
-        offer(self._stream, clear + '\n'.join([*map(visible, lines), '']), PATIENCE)
+        text = folded([*map(visible, lines)], self._stream)
+        offer(self._stream, f'{clear}{text}\n', PATIENCE)
         self.refresh()
 
     def refresh(self) -> None:

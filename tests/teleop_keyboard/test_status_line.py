@@ -115,6 +115,13 @@ def test_lines_are_written_above_and_the_status_comes_again_below():
     assert screen.getvalue() == placed('status') + '\r\x1b[Jone\ntwo\n' + placed('status')
 
 
+def test_lines_that_are_wider_than_the_window_are_broken_between_words(monkeypatch):
+    monkeypatch.setenv('COLUMNS', '20')
+    screen = Screen()
+    StatusLine(screen).print(['2 stand   4 trot   5 move', '', 'http://127.0.0.1:8080/index'])
+    assert screen.getvalue() == '2 stand   4 trot   5\nmove\n\nhttp://127.0.0.1:8080/index\n'
+
+
 def test_lines_are_written_plainly_where_no_terminal_is():
     stream = io.StringIO()
     StatusLine(stream).print(['one'])

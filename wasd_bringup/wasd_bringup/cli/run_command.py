@@ -16,6 +16,7 @@ import sys
 from typing import Any, TextIO
 
 from teleop_keyboard.key_reader import KeyReader, open_key_reader
+from teleop_keyboard.screen import folded
 from teleop_keyboard.terminal import NoTerminal
 from wasd_core.errors import attempt_all, Stopped, UserError
 from wasd_core.signals import last_status, leave, StopSignals
@@ -87,7 +88,8 @@ def run_command(
             if viewer == 'web' and options.interactive and options.opens_page:
                 show_page(where)
         if options.interactive or viewer != 'none' or options.has_guests:
-            print('\n'.join(run.first_lines), file=_where_to_say(options), flush=True)
+            out = _where_to_say(options)
+            print(folded(run.first_lines, out), file=out, flush=True)
         end_loading()
         run.run(stop)
 
