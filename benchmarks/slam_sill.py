@@ -111,7 +111,7 @@ class Ride:
         angles = A1.angles
         limits = (A1.min_range, A1.max_range)
         said = Ranges(ranges, float(angles[0]), A1.angle_increment, *limits, A1.time_increment)
-        self.unit.take_scan(self._begin, said, 'lidar')
+        self.unit.senses.take_scan(self._begin, said, 'lidar')
 
     def _judge(self, now: float, _: Odometry) -> None:
         times = np.array(list(self._truth))

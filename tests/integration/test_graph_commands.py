@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import programs
@@ -14,6 +15,7 @@ import pytest
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 from terminals import PATIENCE, wait_until
+from wasd_bringup.tools.graph.ros_graph import RosGraph
 from wasd_core.network import claim
 import yaml
 
@@ -113,6 +115,19 @@ def test_topics_waits_for_each_run_that_it_knows_to_be_there(
         spawn(rclpy.create_node('drivers'))
         spin_until(spawn.pump, lambda: process.poll() is not None)
     assert '/late\n' in process.communicate()[0]
+
+
+def test_a_run_that_is_suspended_is_not_waited_for(isolated_ros: int) -> None:
+    hold = f'from wasd_core.network import claim; held = claim({isolated_ros}, ["/"]); input()'
+    graph: Any = RosGraph()
+    context = SimpleNamespace(get_domain_id=lambda: isolated_ros)
+    graph.node = SimpleNamespace(context=context, get_node_names=list)
+    with subprocess.Popen((sys.executable, '-c', hold), stdin=subprocess.PIPE) as process:
+        wait_until(graph._is_expecting)
+        process.send_signal(signal.SIGSTOP)
+        wait_until(lambda: not graph._is_expecting())
+        process.send_signal(signal.SIGCONT)
+        wait_until(graph._is_expecting)
 
 
 def test_where_no_node_runs_it_says_so_and_where_the_users_runs_are(

@@ -162,6 +162,15 @@ class Run(NamedTuple):
         return (process, user) == (self.process, self.user)
 
     @property
+    def is_suspended(self) -> bool:
+        """Whether its process is stopped, as by Ctrl-Z: it answers nobody."""
+        try:
+            said = (PROCESSES / str(self.process) / 'stat').read_text(errors='replace')
+        except OSError:  # it has ended meanwhile
+            return False
+        return said.rpartition(')')[2].split()[0] == 'T'
+
+    @property
     def words(self) -> str:
         """What was started, e.g. `wasd go2`."""
         try:

@@ -108,7 +108,8 @@ class RosGraph:
     def _is_expecting(self) -> bool:
         """Whether a run in this domain has not been seen yet; each has a node `drivers`."""
         domain = self.node.context.get_domain_id()
-        runs = {run.process for run in running() if run.domain == domain}
+        here = [run for run in running() if run.domain == domain]
+        runs = {run.process for run in here if not run.is_suspended}
         return self.node.get_node_names().count('drivers') < len(runs)
 
     def topics(self) -> dict[str, list[str]]:
