@@ -323,6 +323,7 @@ def test_a_file_of_ours_is_expanded_once_in_a_process_until_a_file_that_it_reads
     own = '<xacro:arg name="link" default="a"/><link name="$(arg link)"/>'
     path = write(f'{own}<xacro:include filename="part.xacro"/>')
     monkeypatch.setattr(session, 'OUR_FILES', {path})
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
     part = write('<link name="one"/>', 'part.xacro')
     first = expand_document(path)
     assert expand_document(path) is first
@@ -333,6 +334,42 @@ def test_a_file_of_ours_is_expanded_once_in_a_process_until_a_file_that_it_reads
     part.unlink()
     with pytest.raises(DescriptionError, match=r'robot\.xacro:.*part\.xacro'):
         expand_document(path)
+
+
+def test_what_a_file_of_ours_expands_to_is_kept_for_others_while_it_would_be_the_same(
+    write, tmp_path, monkeypatch
+):
+    runs, run = [], session.run_bounded
+    monkeypatch.setattr(session, 'run_bounded', lambda *job: runs.append(job) or run(*job))
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+    path = write('<xacro:include filename="part.xacro"/>')
+    monkeypatch.setattr(session, 'OUR_FILES', {path})
+
+    def expand(count, **options):
+        monkeypatch.setattr(session, '_known', {})  # as in a new process
+        runs.clear()
+        expansion = expand_document(path, **options)
+        assert len(runs) == count
+        return expansion
+
+    write('<link name="one"/>', 'part.xacro')
+    first = expand(1)
+    assert expand(0) == first
+    expand(1, arguments={'a': 'b'})
+    write('<link name="two"/>', 'part.xacro')
+    second = expand(1)
+    assert 'name="two"' in second.urdf
+    (kept,) = (tmp_path / 'cache/wasd/expansions').iterdir()
+    for spoil in (
+        lambda: kept.chmod(0o666),
+        lambda: kept.write_text('{'),
+        lambda: kept.write_text('[]'),
+        lambda: kept.write_text(kept.read_text().replace('"state": "', '"state": "0')),
+    ):
+        spoil()
+        assert expand(1) == second
+        kept.chmod(0o600)
+        assert expand(0) == second
 
 
 def test_a_file_of_a_user_is_expanded_each_time_also_by_a_path_through_our_folder(

@@ -2,13 +2,21 @@
 """Xacro to URDF with our own `$(find)`, so that it works with and without a ROS installation."""
 
 from collections.abc import Mapping, Sequence
+import contextlib
+import hashlib
 from itertools import starmap
+import json
 from pathlib import Path
 import re
+import sys
 from typing import Any, NamedTuple
 
+from wasd_core.cache import cache_folder
 from wasd_core.errors import DescriptionError
+from wasd_core.output_file import OutputError, OutputFile
+from wasd_core.ownership import others_can_write
 from wasd_core.safe_files import check_xml, LocatedError, parse_with_places, Place, read_file
+import xacro
 
 from robot_description.meshes.files import EXTENSIONS
 from robot_description.packages import DESCRIPTIONS
@@ -38,6 +46,7 @@ class Expansion(NamedTuple):
 
 
 # By file and arguments, with what was read: to expand takes half of the time that a robot takes.
+# Of those without arguments the user's cache keeps one each, for other processes.
 _known: dict[tuple[Path, tuple[tuple[str, str], ...]], tuple[Expansion, dict[Path, bytes]]] = {}
 
 
@@ -56,6 +65,7 @@ class XacroSession:
         texts: Mapping[Path, bytes] | None = None,
     ) -> None:
         self.sources: dict[Path, bytes] = {}
+        self.kept: Path | None = None  # where the answer is kept
         self.path = path
         self.search = search
         self._arguments = dict(arguments or {})
@@ -108,14 +118,17 @@ class XacroSession:
             'texts': {str(file): text.decode('latin-1') for file, text in self._texts.items()},
         }
         try:
-            answer: dict[str, Any] = run_bounded(process, job)
+            answer = _read_kept(self.kept) or run_bounded(process, job)
         except OutOfBounds as error:
             listed, text = error.note or (None, '')
             at = f', at {" ".join(text.split())!r}' if text else ''
             place = unlisted(listed) or Place(self.path, 1)
             raise LocatedError(place, f'expanding {self.path.name} {error}{at}') from None
-        sources = answer['sources'].items()
-        self.sources = {Path(file): text.encode('latin-1') for file, text in sources}
+        self.sources = _sources(answer)
+        if self.kept and 'state' not in answer and 'error' not in answer:
+            with contextlib.suppress(OutputError):
+                data = json.dumps({**answer, 'state': _state()}).encode()
+                OutputFile(self.kept, '').write(data)
         return answer
 
 
@@ -126,7 +139,7 @@ def expand_document(
     Return what a xacro or URDF file expands to.
 
     `arguments` are xacro args; `search` are folders in which `$(find)` looks first. A file of ours
-    whose expansion is known in this process is not expanded again while it stays as it is.
+    whose expansion is known, here or in the cache, is not expanded again while it stays as it is.
 
     Raises:
         DescriptionError: one line with the file and, where there is one, the line.
@@ -137,6 +150,9 @@ def expand_document(
     asked = path, tuple(sorted((arguments or {}).items()))
     known, sources = _known.get(asked, (None, {}))
     if known is None or not all(starmap(_is_still, sources.items())):
+        folder = None if arguments else cache_folder('expansions')
+        name = hashlib.sha256(str(path).encode()).hexdigest()[:16]
+        session.kept = folder and folder / f'{path.stem}-{name}.json'
         known = session.expand()
         _known[asked] = known, session.sources
     return known
@@ -156,3 +172,27 @@ def _is_still(file: Path, text: bytes) -> bool:
         return read_file(file) == text
     except DescriptionError:
         return False
+
+
+def _sources(answer: Mapping[str, Any]) -> dict[Path, bytes]:
+    return {Path(file): text.encode('latin-1') for file, text in answer['sources'].items()}
+
+
+def _read_kept(path: Path | None) -> dict[str, Any] | None:
+    """Return the answer in a file, where it would be the same today and only we could write it."""
+    try:
+        if path is None or others_can_write(path.stat()):
+            return None
+        kept: dict[str, Any] = json.loads(path.read_bytes())
+        is_still = kept['state'] == _state() and all(starmap(_is_still, _sources(kept).items()))
+        return kept if is_still else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _state() -> str:
+    """Return a digest of the code that expands."""
+    here, theirs = Path(__file__).parent, Path(xacro.__file__).parent
+    files = sorted(file for at in (here, here.parent, theirs) for file in at.glob('*.py'))
+    code = b''.join(file.read_bytes() for file in files)
+    return hashlib.sha256(sys.version.encode() + code).hexdigest()
