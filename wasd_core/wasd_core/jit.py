@@ -70,14 +70,14 @@ def _keep(function: Callable[..., Any]) -> OwnCache | None:
     began before a file changed keeps what it compiles from those that began later.
     """
     package = function.__module__.partition('.')[0]
-    folder = _folder_of(package, inspect.getfile(function))
+    places = getattr(sys.modules.get(package), '__path__', None) or [inspect.getfile(function)]
+    folder = _folder_of(package, tuple(places))
     return None if folder is None else OwnCache(function, folder)
 
 
 @functools.cache
-def _folder_of(package: str, file: str) -> Path | None:
-    places = getattr(sys.modules.get(package), '__path__', None)
-    text = ''.join(_text_of(Path(place)) for place in (Path(__file__).parent, *(places or [file])))
+def _folder_of(package: str, places: tuple[str, ...]) -> Path | None:
+    text = ''.join(map(_text_of, (Path(__file__).parent, *map(Path, places))))
     versions = f'{numba.__version__} {np.__version__}'
     digest = hashlib.sha256(f'{versions}{text}'.encode()).hexdigest()
     return folder_of(digest[:_DIGITS], package)
