@@ -202,6 +202,8 @@ class Keymap:
 
 # Lines fit an 80-column window.
 LINE_WIDTH = 78
+# A key's name in a text is no longer.
+LONGEST_NAME = 20
 
 
 def direction_words(direction: Direction) -> str:
@@ -228,8 +230,8 @@ def factor_words(factor: SpeedFactor) -> str:
 
 
 def key_words(key: str) -> str:
-    """Return how a key is called in a text."""
-    return 'SPACE' if key == ' ' else key
+    """Return how a key is called in a text; from a topic it may be longer than any name."""
+    return 'SPACE' if key == ' ' else key[:LONGEST_NAME]
 
 
 def table_lines(keymap: Keymap) -> list[str]:

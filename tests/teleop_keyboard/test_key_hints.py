@@ -60,6 +60,8 @@ def test_a_way_that_wheels_cannot_go_is_no_silence():
 def test_keys_that_mean_nothing_say_so_and_name_the_help():
     assert hints('mbot')[1].press('9') == '9 stops (? shows the keys)'
     assert hints('ramps')[1].press('9') == '9 does nothing (? shows the keys)'
+    # A program may publish any text as a key.
+    assert hints('ramps')[1].press('9' * 60000) == f'{"9" * 20} does nothing (? shows the keys)'
     assert hints('mbot')[1].press(' ') == 'SPACE stops at once'
 
 

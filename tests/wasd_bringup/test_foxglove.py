@@ -29,6 +29,7 @@ from wasd_bringup.ros.foxglove import FoxgloveServer  # noqa: E402
 pytestmark = pytest.mark.slow
 
 TWIST = 'geometry_msgs/msg/Twist'
+KEY = 'std_msgs/msg/String'
 
 
 class Run:
@@ -114,7 +115,7 @@ def test_every_topic_has_its_definition_and_its_messages_come(run):
     def act():
         # Again and again: the first picture may take so long that what waited is not taken.
         drive()
-        run.client.publish('/keys', 'std_msgs/msg/String', serialize_message(String(data='k')))
+        run.client.publish('/keys', KEY, serialize_message(String(data='k')))
 
     run.wait_until(lambda: {'/keys', '/cmd_vel'} <= run.client.messages.keys(), act)
     for topic, found in run.client.messages.items():
@@ -187,7 +188,7 @@ def test_a_client_that_is_gone_stops_mbot(run, patient, monkeypatch):
 def test_a_key_drives_and_its_client_gone_does_no_more(ros, patient):
     run = Run(preset='ramps')  # a key's velocity lasts until another key
     key = String(data='w')
-    run.client.publish('/keys', 'std_msgs/msg/String', serialize_message(key))
+    run.client.publish('/keys', KEY, serialize_message(key))
     run.wait_until(lambda: run.target > 0.0)
     run.step(2.0)
     assert run.target > 0.0
@@ -253,6 +254,7 @@ def test_a_topic_without_a_definition_is_looked_for_once_and_not_made(ros, monke
             '/cmd_vel: a velocity that is not finite',
         ),
         ('/odom', TWIST, {}, '/odom: clients cannot publish there; wanted /cmd_vel or /keys'),
+        ('/keys', KEY, {'data': '\ud800'}, '/keys: data: wanted text of whole characters, got'),
     ],
 )
 def test_what_is_no_command_moves_nothing_and_its_sender_reads_why(

@@ -124,7 +124,10 @@ def _from_plain(value: Any, kind: Any, words: str, find_type: FindType, where: s
         fill(nested, value, find_type, where)
         return nested
     if isinstance(kind, AbstractGenericString) and isinstance(value, (str, int, float)):
-        return str(value)
+        text = str(value)
+        if text != text.encode(errors='replace').decode():  # half of a UTF-16 pair
+            raise UserError(f'{where}: wanted text of whole characters, got {value!r}')
+        return text
     return _primitive(value, words, where)
 
 
