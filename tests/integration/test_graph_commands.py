@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`wasd topics`, `echo`, `hz`, `pub`, `call` and `params` against a robot in another process."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 import re
 import signal
 import subprocess
@@ -15,8 +15,9 @@ import pytest
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 from terminals import PATIENCE, wait_until
+from wasd_bringup.tools.graph import ros_graph
 from wasd_bringup.tools.graph.ros_graph import RosGraph
-from wasd_core.network import claim
+from wasd_core.network import claim, Run
 import yaml
 
 pytestmark = [pytest.mark.long, pytest.mark.slow]
@@ -117,11 +118,33 @@ def test_topics_waits_for_each_run_that_it_knows_to_be_there(
     assert '/late\n' in process.communicate()[0]
 
 
+def graph_that_sees(domain: int, *names: str, topics: Sequence[str] = ()) -> Any:
+    """Return a graph in a domain with such nodes, by their full names, and topics."""
+    graph: Any = RosGraph()
+    graph.node = SimpleNamespace(
+        context=SimpleNamespace(get_domain_id=lambda: domain),
+        get_node_names_and_namespaces=lambda: [
+            (name.rpartition('/')[2], name.rpartition('/')[0] or '/') for name in names
+        ],
+        get_topic_names_and_types=lambda: [(topic, ['']) for topic in topics],
+    )
+    return graph
+
+
+def test_two_robots_of_one_run_are_not_taken_for_two_runs(monkeypatch: Any) -> None:
+    runs = [Run(3, 0, process) for process in (1, 2)]
+    monkeypatch.setattr(ros_graph, 'running', lambda: runs)
+    both, other = ('/go2/drivers', '/mbot/drivers'), '/x/drivers'
+    assert graph_that_sees(3, *both, topics=['/clock'])._is_expecting()
+    seen = graph_that_sees(3, *both, other, topics=['/clock', '/x/clock'])
+    assert not seen._is_expecting()
+    apart = graph_that_sees(3, *both, topics=['/go2/clock', '/mbot/clock'])
+    assert not apart._is_expecting()
+
+
 def test_a_run_that_is_suspended_is_not_waited_for(isolated_ros: int) -> None:
     hold = f'from wasd_core.network import claim; held = claim({isolated_ros}, ["/"]); input()'
-    graph: Any = RosGraph()
-    context = SimpleNamespace(get_domain_id=lambda: isolated_ros)
-    graph.node = SimpleNamespace(context=context, get_node_names=list)
+    graph = graph_that_sees(isolated_ros)
     with subprocess.Popen((sys.executable, '-c', hold), stdin=subprocess.PIPE) as process:
         wait_until(graph._is_expecting)
         process.send_signal(signal.SIGSTOP)

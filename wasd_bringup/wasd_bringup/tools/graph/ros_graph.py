@@ -106,11 +106,22 @@ class RosGraph:
         return len(node.get_node_names()), len(kinds[0]), len(kinds[1])
 
     def _is_expecting(self) -> bool:
-        """Whether a run in this domain has not been seen yet; each has a node `drivers`."""
-        domain = self.node.context.get_domain_id()
+        """
+        Whether a run in this domain has not been seen yet.
+
+        Each has a node `drivers` and a clock in its namespace; the two robots of one run, which
+        have namespaces, too, share the root's clock.
+        """
+        node = self.node
+        domain = node.context.get_domain_id()
         here = [run for run in running() if run.domain == domain]
         runs = {run.process for run in here if not run.is_suspended}
-        return self.node.get_node_names().count('drivers') < len(runs)
+        topics = dict(node.get_topic_names_and_types())
+        places = [
+            place for name, place in node.get_node_names_and_namespaces() if name == 'drivers'
+        ]
+        shares = (1.0 if place == '/' or f'{place}/clock' in topics else 0.5 for place in places)
+        return sum(shares) < len(runs)
 
     def topics(self) -> dict[str, list[str]]:
         """Return the types of every topic that is not hidden, by name, once they are known."""
