@@ -189,9 +189,18 @@ def test_what_is_recorded_of_a_run_are_its_options(read):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (('--seed', '-1'), '--seed: got -1, wanted 0 to 9223372036854775807'),
-        (('--seed', str(2**63)), '--seed: got 9223372036854775808, wanted 0 to'),
-        (('--port', '70000'), '--port: got 70000'),
+        (('--seed', '-1'), "--seed: got '-1', wanted 0 to 9223372036854775807"),
+        (('--seed', str(2**63)), "--seed: got '9223372036854775808', wanted 0 to"),
+        (('--port', '70000'), "--port: got '70000', wanted 0 to 65535"),
+        (('--port', '1e3'), "--port: got '1e3', wanted 0 to 65535"),
+        (
+            ('--push', '-1 0 9 0 1'),
+            "--push: got '-1 0 9 0 1', wanted 't fx fy fz seconds [x y z]', t",
+        ),
+        (
+            ('--box', '0 1 1 0 0 1'),
+            "--box: got '0 1 1 0 0 1', wanted 't x y [yaw [length width]]', t",
+        ),
         (('--duration', 'nan'), "--duration: got 'nan', wanted a number >= 0"),
         (('--duration', '-1'), "--duration: got '-1'"),
         (('--speed', 'fast'), "--speed: got 'fast', wanted a number >= 0"),

@@ -5,13 +5,14 @@ import argparse
 import itertools
 import math
 
+from cases import for_all
 from descriptions import robot_named
 from geometry_msgs.msg import Twist
 from navigation_stand_ins import StandInLocator, StandInPilot
 import numpy as np
 import pytest
 from std_msgs.msg import String
-from wasd_bringup.cli.options import add_run_options, read_options
+from wasd_bringup.cli.options import add_run_options, options_of, read_options
 from wasd_bringup.cli.run_command import _missed_goals
 from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
@@ -640,15 +641,21 @@ def test_a_goal_that_is_none_is_refused_in_one_line(read, words):
         read('--goal', words)
 
 
-def test_a_map_that_is_not_there_and_a_goal_for_two_robots_are_refused(read):
+def test_a_map_that_is_not_there_and_one_for_two_robots_are_refused(read, tmp_path):
     with pytest.raises(UserError, match='--map nowhere.yaml: no such file'):
         read('--map', 'nowhere.yaml')
     with pytest.raises(UserError, match='--map /: not a file'):
         read('--map', '/')
     assert read('--map', both=True).map is not None
-    for words in (('--goal', '1 2'), ('--save-map', 'house')):
-        with pytest.raises(UserError, match='for one robot'):
-            read(*words, both=True)
+    (tmp_path / 'house.yaml').touch()
+    with pytest.raises(UserError, match='for one robot'):
+        read('--map', str(tmp_path / 'house.yaml'), both=True)
+
+
+@for_all('word', ['--goal', '--patrol', '--save-map', '--keepout', '--continue'])
+def test_two_robots_have_no_option_that_could_only_be_refused(word):
+    assert word in [option.word for option in options_of('mbot')]
+    assert word not in [option.word for option in options_of('both')]
 
 
 def test_a_place_that_cannot_take_the_map_is_refused_before_the_run(read, tmp_path):

@@ -131,15 +131,19 @@ def read_untold(text: str, word: str) -> float:
         raise UserError(f'{word}: got {text!r}, wanted a number') from None
 
 
-def read_whole(most: int, value: int, word: str) -> int:
+def read_whole(most: int, given: str | int, word: str) -> int:
     """
     Return a whole number.
 
     Raises:
-        UserError: it is not from 0 to the most.
+        UserError: it is none, or not from 0 to the most.
     """
+    try:
+        value = int(given)
+    except ValueError:
+        value = -1
     if not 0 <= value <= most:
-        raise UserError(f'{word}: got {value}, wanted 0 to {most}')
+        raise UserError(f'{word}: got {given!r}, wanted 0 to {most}')
     return value
 
 
@@ -317,7 +321,7 @@ OPTIONS = (
         word='--port',
         help='port of the page (default: 8080 or next)',
         read=partial(read_whole, MOST_PORT),
-        how={'type': int, 'metavar': 'N'},
+        how={'metavar': 'N'},
     ),
     Option(
         word='--no-open',
@@ -361,7 +365,7 @@ OPTIONS = (
         word='--foxglove',
         help=f'serve every topic to Foxglove, which may drive (default port: {FOXGLOVE_PORT})',
         read=partial(read_whole, MOST_PORT),
-        how={'nargs': '?', 'type': int, 'const': FOXGLOVE_PORT, 'metavar': 'PORT'},
+        how={'nargs': '?', 'const': FOXGLOVE_PORT, 'metavar': 'PORT'},
     ),
     Option(
         word='--map',
@@ -374,6 +378,7 @@ OPTIONS = (
         word='--continue',
         help='continue the map of --map FILE.yaml: localise in it, then map',
         field='continues',
+        of=ONE,
         how=FLAG,
     ),
     Option(
@@ -381,6 +386,7 @@ OPTIONS = (
         help='areas that the robot keeps out of: black in FILE.yaml (map_server) or in '
         'PICTURE,METRES_PER_PIXEL',
         read=read_keepout,
+        of=ONE,
         how={'metavar': 'FILE'},
     ),
     Option(
@@ -392,6 +398,7 @@ OPTIONS = (
         word='--save-map',
         help='write the map at the end: NAME.yaml, NAME.pgm; of its own NAME.places.npz, too',
         read=read_map_name,
+        of=ONE,
         how={'metavar': 'NAME'},
     ),
     Option(
@@ -399,11 +406,13 @@ OPTIONS = (
         help='drive to a pose in the map [m, rad] (repeatable: one after another)',
         field='goals',
         read=lambda texts, word: tuple(map(parse_goal, texts)),
+        of=ONE,
         how={**REPEATABLE, 'metavar': '"X Y [YAW]"'},
     ),
     Option(
         word='--patrol',
         help='drive to the goals of --goal again and again',
+        of=ONE,
         how=FLAG,
     ),
     Option(
@@ -429,7 +438,7 @@ OPTIONS = (
         word='--seed',
         help='seed (default 0)',
         read=partial(read_whole, MOST_SEED),
-        how={'type': int, 'metavar': 'N'},
+        how={'metavar': 'N'},
     ),
     Option(
         word='--friction',
@@ -519,7 +528,7 @@ OPTIONS = (
         help='DDS domain of the interface: 0 as on the robot (default), 1 as in unitree_mujoco',
         of=LEGS,
         read=partial(read_whole, LAST_DOMAIN),
-        how={'type': int, 'metavar': 'N'},
+        how={'metavar': 'N'},
     ),
     Option(
         word='--network',
@@ -649,12 +658,10 @@ def _check_navigation(options: RunOptions) -> None:
         raise UserError('--continue goes on with a map: wanted --map FILE.yaml')
     if options.explore and options.map and not options.continues:
         raise UserError('--explore makes a map: leave out the file of --map, or --continue it')
-    if options.robot == BOTH and (
-        options.map or options.save_map or options.goals or options.keepout
-    ):
+    if options.robot == BOTH and options.map:
         raise UserError(
-            '--map FILE, --keepout, --save-map and --goal are for one robot: wasd go2, or '
-            'wasd mbot (wasd both takes --map alone: each robot makes a map of its own)'
+            '--map FILE is for one robot: wasd go2, or wasd mbot (wasd both takes --map alone: '
+            'each robot makes a map of its own)'
         )
 
 

@@ -113,7 +113,8 @@ def parse_push(text: str) -> ScriptedPush:
         start, duration = _seconds(words[0]), _seconds(words[4])
         return ScriptedPush(start, (fx, fy, fz), duration, tuple(point) or None)
     except ValueError:
-        raise UserError(f"--push: got {text!r}, wanted 't fx fy fz seconds [x y z]'") from None
+        wanted = "'t fx fy fz seconds [x y z]', t and seconds >= 0"
+        raise UserError(f'--push: got {text!r}, wanted {wanted}') from None
 
 
 def parse_box(text: str) -> ScriptedBox:
@@ -132,7 +133,8 @@ def parse_box(text: str) -> ScriptedBox:
         length, width = size or BoxSize()[:2]
         return ScriptedBox(_seconds(words[0]), x, y, yaw, BoxSize(length, width))
     except (ValueError, IndexError):
-        raise UserError(f"--box: got {text!r}, wanted 't x y [yaw [length width]]'") from None
+        wanted = "'t x y [yaw [length width]]', t >= 0 and a size > 0"
+        raise UserError(f'--box: got {text!r}, wanted {wanted}') from None
 
 
 def box_text(box: ScriptedBox) -> str:
