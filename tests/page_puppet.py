@@ -240,6 +240,13 @@ class PagePuppet:
                 time.sleep(0.002)
             self.draw()
 
+    def strike(self, *strokes: tuple[set[int], str]) -> None:
+        """Tell of keys that are down, and of text, at once; the last keys stay down."""
+        with self._sending:
+            for keys, text in strokes:
+                self.keys = keys
+                self.socket.send(input_packet(keys, self.mouse, self.buttons, self.size, text))
+
     def _rest(self) -> bool:
         """Wait until the next picture is to be drawn; return whether none is any more."""
         return self._stop.wait(1.0 / self.rate)

@@ -3,7 +3,7 @@
 
 import random
 
-from mujoco_sim.viewer.clicks import CHANGE_PATIENCE, MOST_CHANGES, Mouse
+from mujoco_sim.viewer.clicks import CHANGE_PATIENCE, IDLE, KEY_PATIENCE, MOST_CHANGES, Mouse
 from mujoco_sim.viewer.input import GONE, LOSS, MARK, PageInput, SEVERAL, SILENCE
 from mujoco_sim.viewer.strokes import Stroke
 from page_puppet import code
@@ -439,6 +439,87 @@ ONE_BY_ONE = [*(Stroke(NONE, character) for character in '1.25'), Stroke(ENTER),
 def test_what_is_typed_is_entered_whole_however_seldom_a_frame_comes(page, clock, typed, pictures):
     page.set_typing(True)
     assert entered(page, clock, typed, pictures) == '1.25'
+
+
+def typed(page: PageInput, clock: Clock, stroke: Stroke, mouse: Mouse = IDLE) -> Mouse:
+    """Tell a stroke in a picture; return the mouse that the next frame shall see."""
+    clock.now += 0.02
+    shown = page.hear('tab', stroke.keys, mouse)
+    page.type(stroke)
+    return shown
+
+
+@pytest.mark.parametrize(
+    ('keys', 'is_down', 'heard'),
+    [
+        (W, True, ['w', 'HELD+w']),
+        (W, False, []),
+        (frozenset({code('Escape')}), False, ['ESC']),
+    ],
+)
+@pytest.mark.parametrize('pictures', [0, 1, 2])
+def test_what_is_pressed_after_enter_is_for_the_robot_though_no_frame_has_seen_enter(
+    page, clock, keys, is_down, heard, pictures
+):
+    page.set_typing(True)
+    for stroke in (Stroke(NONE, '1'), Stroke(ENTER), Stroke(NONE), Stroke(keys)):
+        typed(page, clock, stroke)
+    held = Stroke(keys if is_down else NONE)
+    typed(page, clock, held)
+    assert page.take_keys() == []
+    page.see(0, is_marked=True)  # the text, after which ENTER is shown
+    typed(page, clock, held)
+    page.see(0, is_marked=False)
+    for _ in range(pictures):
+        typed(page, clock, held)  # while panels are drawn
+    page.set_typing(False)
+    typed(page, clock, held)
+    assert page.take_keys() == heard
+
+
+def test_a_key_that_a_field_was_shown_drives_nothing_until_it_is_pressed_again(page, clock):
+    page.set_typing(True)
+    for _ in range(2):
+        typed(page, clock, Stroke(W, 'w'))
+        page.see(0, is_marked=True)
+    page.set_typing(False)
+    typed(page, clock, Stroke(W))
+    assert page.take_keys() == []
+
+
+@pytest.mark.parametrize(('silence', 'keys'), [(GONE + 0.1, W), (0.02, W | {code('LeftCtrl')})])
+def test_what_would_be_ignored_otherwise_is_ignored_after_enter_too(page, clock, silence, keys):
+    page.set_typing(True)
+    for stroke in (Stroke(NONE, '1'), Stroke(ENTER), Stroke(NONE)):
+        typed(page, clock, stroke)
+    clock.now += silence
+    typed(page, clock, Stroke(keys))
+    page.see(0, is_marked=True)
+    typed(page, clock, Stroke(keys))
+    page.set_typing(False)
+    typed(page, clock, Stroke(W))
+    assert set(page.take_keys()) <= {LOST}
+
+
+def test_a_click_waits_until_a_frame_has_seen_what_was_typed_before_it_but_not_for_ever(
+    page, clock
+):
+    page.set_typing(True)
+    press = Mouse(1, (5, 5))
+    typed(page, clock, Stroke(NONE, '1'))
+    for stroke in (Stroke(ENTER), Stroke(), Stroke()):
+        assert typed(page, clock, stroke, press).buttons == 0
+    for is_marked in (True, False):
+        page.see(0, is_marked)
+        assert typed(page, clock, Stroke(), press).buttons == 0
+    page.see(0, is_marked=True)
+    assert typed(page, clock, Stroke(), press) == press
+    page.see(1, is_marked=True)
+    typed(page, clock, Stroke(NONE, '2'), press)
+    waited = 0.0
+    while typed(page, clock, Stroke(), IDLE).buttons:
+        waited += 0.02
+    assert waited == pytest.approx(KEY_PATIENCE, abs=0.05)
 
 
 def test_keys_that_are_for_no_field_are_seen_at_once(page, clock):

@@ -227,6 +227,20 @@ def scenario_what_is_typed_and_entered_within_a_picture_is_taken_whole(page: Pag
     type_speed(page, '1')
 
 
+def scenario_a_key_that_is_held_right_after_enter_drives(page: Page) -> None:
+    page.tap('K')
+    page.click('speed')
+    page.wait_until(lambda: page.cockpit.page.widgets.is_typing, 'the field takes what is typed')
+    page.puppet.keys = {code('LeftCtrl'), code('A')}
+    page.puppet.draw(4)
+    enter, held = {code('Enter')}, {code('I')}
+    page.puppet.strike((set(), ''), (set(), '1'), (enter, ''), (set(), ''), (held, 'i'))
+    page.wait_until(lambda: page.robot.logic.last_key == 'i', 'the key drives')
+    assert page.session.simulation.pacer.speed == 1.0
+    page.puppet.keys = set()
+    page.tap('K')
+
+
 @paused
 def scenario_time_that_goes_slower_by_steps_goes_on(page: Page) -> None:
     pacer = page.session.simulation.pacer

@@ -9,6 +9,8 @@ ALL_BUTTONS = (1 << len(BUTTONS)) - 1
 # So many changes of the mouse's buttons wait for frames of panels, and a frame has so long to see
 # one [s].
 MOST_CHANGES, CHANGE_PATIENCE = 6, 2.0
+# A click waits so long for keys that were pressed before it [s]: it may be the E-STOP.
+KEY_PATIENCE = 1.0
 
 
 class Mouse(NamedTuple):
@@ -55,15 +57,22 @@ class Clicks:
         self._told = self._seen
         self.shown = Mouse(self._seen, self.shown.place)
 
-    def show(self, told: Mouse, dt: float) -> Mouse:
-        """Take how the mouse is, `dt` [s] after the last time; return what is to be seen of it."""
+    def show(self, told: Mouse, dt: float, waits: bool = False) -> Mouse:
+        """
+        Take how the mouse is, `dt` [s] after the last time; return what is to be seen of it.
+
+        It `waits` for keys that a frame is to see before.
+        """
         told = Mouse(told.buttons & ALL_BUTTONS, told.place)
         self._age += dt
         if told.buttons != self._told:
+            if waits and not self._waiting:
+                self._age = 0.0
             self._told = told.buttons
             self._waiting.append(told)
             self._thin_out()
-        if self.is_seen or self._age > CHANGE_PATIENCE:
+        patience = KEY_PATIENCE if self.is_seen else CHANGE_PATIENCE
+        if (self.is_seen and not waits) or self._age > patience:
             if self._waiting:
                 self.shown, self._age = self._waiting.pop(0), 0.0
             else:

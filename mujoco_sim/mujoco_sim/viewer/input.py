@@ -208,21 +208,22 @@ class PageInput:
                 self._end_life()
                 self._source = source
                 self._pictures.clear()
-            if self._is_typing or self._life.age > GONE:
+            if self._life.age > GONE:
                 self._keys.ignore_down()
             if not self._life.is_alive:
                 self._clicks.forget()
             now = self._clock()
             self._since = since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
-            shown = self._clicks.show(mouse, since)
+            waits = self._is_typing and not self._strokes.is_seen
+            shown = self._clicks.show(mouse, since, waits)
             is_free = not mouse.buttons and not shown.buttons and self._clicks.is_seen
             self.are_several = not SEVERAL.isdisjoint(down) or (self.are_several and not is_free)
             # What tells of a press proves a click, as it does a key's; what is held it does not.
             is_press = not before and not self._mouse.buttons and self._life.age <= GONE
             age = min(self._life.age, LOSS) if is_press else self._life.age
             self._silence = max(self._silence, age) if shown.buttons else 0.0
-            self._keys.report(down, since)
+            self._keys.report(down, since, self._is_typing)
             self._life.hear()
             self._presence.hear()
             self._pictures.append(now)
@@ -254,6 +255,9 @@ class PageInput:
         with self._lock:
             if is_typing and not self._is_typing:
                 self._keys.ignore_down()
+            elif self._is_typing and not is_typing:
+                # What no frame has seen was not for the field.
+                self._keys.heed(self._strokes.unseen)
             self._is_typing = is_typing
 
     def rest(self, seconds: float) -> None:
@@ -323,6 +327,7 @@ SHORTCUT = _codes('LeftCtrl', 'RightCtrl', 'LeftAlt', 'RightAlt', 'LeftSuper', '
 
 # The page's head holds this one down while several pointers are, two fingers or one and a mouse.
 SEVERAL = _codes('F24')
+ESCAPE = _codes('Escape')
 # This one goes down or up with each stroke that a field of text is shown.
 MARK = _codes('F23')
 # These do something to what is typed in a field.
@@ -353,13 +358,19 @@ class PageKeys:
     def __init__(self) -> None:
         self._down: dict[int, _Down] = {}
         self._ghosts: set[int] = set()
+        self._typed: set[int] = set()  # of these, what else would count
         self._is_fresh = True
         self._since_held = 0.0
         self._events: deque[str] = deque(maxlen=MOST_EVENTS)
 
-    def report(self, down: Collection[int], dt: float) -> None:
-        """Take which keys are down, by ImGui's numbers, `dt` [s] after the report before."""
+    def report(self, down: Collection[int], dt: float, is_typing: bool = False) -> None:
+        """
+        Take which keys are down, by ImGui's numbers, `dt` [s] after the report before.
+
+        A key that goes down while `is_typing` counts only once `heed` is told so.
+        """
         self._ghosts &= set(down)
+        self._typed &= set(down)
         if self._is_fresh:
             self._is_fresh = False
             self._ghosts |= set(down)
@@ -372,8 +383,10 @@ class PageKeys:
         for code in sorted(down):
             if code not in PAGE_KEYS or code in self._down or code in self._ghosts:
                 continue
-            if is_shortcut:
+            if is_shortcut or is_typing:
                 self._ghosts.add(code)
+                if not is_shortcut:
+                    self._typed.add(code)
             else:
                 name = PAGE_KEYS[code][is_shifted]
                 self._down[code] = _Down(name)
@@ -391,6 +404,11 @@ class PageKeys:
         self._release()
         self._is_fresh = True
 
+    def heed(self, codes: frozenset[int]) -> None:
+        """Let keys that were typed count while they are down; ESC if it is up again, too."""
+        self._ghosts -= self._typed & codes
+        self._events += [PAGE_KEYS[code][0] for code in ESCAPE & codes]
+
     def lose(self) -> None:
         """Note that nobody is there any more: LOST, and no key counts that was down."""
         self._events.append(LOST)
@@ -406,6 +424,7 @@ class PageKeys:
         self._events += [with_event(RELEASE, key.name) for key in self._down.values()]
         self._ghosts |= set(self._down)
         self._down.clear()
+        self._typed.clear()
 
     def _repeat(self, key: _Down, proved: float) -> None:
         key.age += proved

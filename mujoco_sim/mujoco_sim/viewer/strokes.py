@@ -35,8 +35,19 @@ class Strokes:
         self._mark, self._acts = mark, acts
         self._is_marked = self._seen = False
         self._age = 0.0
-        self._shown = self._told = frozenset[int]()
+        self._shown = self._before = self._told = frozenset[int]()
         self._waiting: list[Stroke] = []
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether none waits, and a frame of panels has seen the last."""
+        return not self._waiting and self._seen == self._is_marked
+
+    @property
+    def unseen(self) -> frozenset[int]:
+        """The keys that went down in strokes that no frame has seen."""
+        seen = self._shown if self._seen == self._is_marked else self._before
+        return self._shown.union(*(stroke.keys for stroke in self._waiting)) - seen
 
     def see(self, is_marked: bool) -> None:
         """Take whether a frame of panels has seen the mark down."""
@@ -45,12 +56,12 @@ class Strokes:
     def forget(self) -> None:
         """Let nothing wait: another browser types."""
         self._waiting.clear()
-        self._shown = self._told = frozenset()
+        self._shown = self._before = self._told = frozenset()
 
     def skip(self, told: Stroke) -> Stroke:
         """Take a stroke that is for no field: it is seen at once."""
         self._waiting.clear()
-        self._shown = self._told = told.keys
+        self._shown = self._before = self._told = told.keys
         return self._marked(told)
 
     def show(self, told: Stroke, dt: float) -> Stroke:
@@ -76,7 +87,8 @@ class Strokes:
         if not self._waiting or (self._seen != self._is_marked and not is_late):
             return self._marked(Stroke(self._shown))
         stroke = self._waiting.pop(0)
-        self._is_marked, self._age, self._shown = not self._is_marked, 0.0, stroke.keys
+        self._is_marked, self._age = not self._is_marked, 0.0
+        self._before, self._shown = self._shown, stroke.keys
         return self._marked(stroke)
 
     def _marked(self, stroke: Stroke) -> Stroke:
