@@ -127,7 +127,7 @@ def read_description(
     expansion = expand_document(path, arguments, search)
     warnings = tuple(f'{place or path}: {text}' for place, text in expansion.warnings)
     parsed = parse_description(expansion.urdf, path, search)
-    return replace(parsed, warnings=(*warnings, *parsed.warnings))
+    return replace(parsed, warnings=(*warnings, *parsed.warnings)) if warnings else parsed
 
 
 def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Description:

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).resolve().parents[2]
 HOMES = (
-    *('diff_drive_sim', 'mujoco_sim', 'quadruped_sim'),
+    *('diff_drive_sim', 'mujoco_sim', 'policy_player', 'quadruped_sim'),
     *('robot_description', 'teleop_keyboard', 'wasd_navigation'),
 )
 NONSENSE = (
@@ -71,6 +71,8 @@ def flat(value: Any) -> tuple[float, ...]:
 def test_every_number_has_two_finite_ends_and_none_is_the_least_there_is(home: str) -> None:
     for kind in sets_of(home):
         for name, (field, _) in known_parameters(kind).items():
+            # A set itself takes its defaults as they are.
+            assert repr(kind.checked(name, field.default)) == repr(field.default)
             if not is_number(field.default):
                 continue
             low, high = map(flat, numeric_ends(field))

@@ -193,7 +193,7 @@ class Parameters:
                 wanted = field.metadata['group']
                 if not isinstance(value, wanted):
                     raise InvalidParameter(f'{field.name} must be {wanted.__name__}')
-            else:
+            elif value is not field.default:
                 object.__setattr__(self, field.name, _checked(field, value, outward_name(field)))
 
     @classmethod

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from robot_description.morphology.quadruped import similar_pose
+from robot_description.morphology.quadruped import similar_leg
 from wasd_core.robot_io import JointCommand
 
 from quadruped_sim.leg_kinematics import FRONT, LEFT
@@ -297,7 +297,7 @@ def rolling_poses(model: RobotModel, roll: Roll, side: int) -> tuple[np.ndarray,
         angles = np.empty((4, 3))
         for leg, left in enumerate(LEFT):
             hip, thigh, calf = pose[0 if left == side else 1]
-            angles[leg] = similar_pose(model.quadruped, thigh, calf).reshape(4, 3)[leg]
+            angles[leg] = similar_leg(model.quadruped, leg, thigh, calf)
             angles[leg, 0] = side * hip
         poses.append(np.clip(angles.ravel(), model.limits.lower, model.limits.upper))
     return tuple(poses)

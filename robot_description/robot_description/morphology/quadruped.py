@@ -332,17 +332,16 @@ def similar_pose(quadruped: Quadruped, thigh: float, calf: float) -> np.ndarray:
     divided; all are at one level. Knees that point forward get the mirror image. Angles keep away
     from the joints' stops; a knee that would not fold so far leaves the trunk higher.
     """
-    length = scale_of(quadruped).length
+    legs = range(len(quadruped.legs))
+    return np.concatenate([similar_leg(quadruped, leg, thigh, calf) for leg in legs])
+
+
+def similar_leg(quadruped: Quadruped, number: int, thigh: float, calf: float) -> np.ndarray:
+    """Angles (3,) of one leg of a `similar_pose`."""
+    length, leg = scale_of(quadruped).length, quadruped.legs[number]
+    # How high its thigh turns above the mean hip [m].
     middle = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)
-    angles = []
-    for leg in quadruped.legs:
-        raised = float(leg.hip[2]) - middle - leg.drop
-        angles.append(_similar_leg(leg, thigh, calf, length, raised))
-    return np.concatenate(angles)
-
-
-def _similar_leg(leg: Leg, thigh: float, calf: float, length: float, raised: float) -> np.ndarray:
-    """Angles (3,) of one leg whose thigh turns `raised` [m] above the mean hip."""
+    raised = float(leg.hip[2]) - middle - leg.drop
     forward = -GO2_LINK * (math.sin(thigh) + math.sin(thigh + calf))
     down = GO2_LINK * (math.cos(thigh) + math.cos(thigh + calf))
     alike = _reach(GO2_LINK, GO2_LINK, forward, down)
