@@ -4,8 +4,9 @@ Remembers what our own descriptions, the G1's and those of the catalogue are.
 
 Several tests read each of the catalogue: an expansion is a fork, up to a tenth of a second of a
 processor where everything is loaded. Of ours the product itself remembers it, but to parse a
-description takes as long again, and tests load the same few robots some thousand times. Lint, and
-tests of expanding, expand by themselves; so does every program that is started from the beginning.
+description takes as long again, and tests load the same few robots some thousand times: what is
+found in one, legs and wheels, and Pinocchio's model of it stay with it. Lint, and tests of
+expanding, expand by themselves; so does every program that is started from the beginning.
 """
 
 from collections.abc import Callable
@@ -29,6 +30,10 @@ def remember() -> None:
     if description and not hasattr(description.expand_document, '__wrapped__'):
         description.expand_document = _remembering(description.expand_document)
         description.parse_description = _parsing_once(description.parse_description)
+        description.equip = _keeping(description.equip)
+    legs: Any = sys.modules.get('quadruped_sim.robot_model')
+    if legs and not hasattr(legs.to_pinocchio, '__wrapped__'):
+        legs.to_pinocchio = _keeping(legs.to_pinocchio)
 
 
 def _remembering(expand: Callable[..., Any]) -> Callable[..., Any]:
@@ -62,6 +67,19 @@ def _parsing_once(parse: Callable[..., Any]) -> Callable[..., Any]:
         return known[key]  # frozen
 
     return parse_once
+
+
+def _keeping(make: Callable[..., Any]) -> Callable[..., Any]:
+    """Keep what is made of a description with it: it is frozen, and that is not changed either."""
+
+    @functools.wraps(make)
+    def make_once(loaded: Any, **how: Any) -> Any:
+        known = vars(loaded).setdefault(make.__name__, {})
+        if (key := repr(how)) not in known:
+            known[key] = make(loaded, **how)
+        return known[key]
+
+    return make_once
 
 
 @functools.cache
