@@ -78,7 +78,8 @@ class Net(NamedTuple):
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = x @ weight.T + bias
             x = np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0)))
-        return x @ self.weights[-1].T + self.biases[-1]
+        said: np.ndarray = x @ self.weights[-1].T + self.biases[-1]
+        return said
 
 
 def fresh(rng: np.random.Generator) -> Net:
@@ -109,7 +110,8 @@ def train(net: Net, x: np.ndarray, y: np.ndarray, epochs: int, rng: np.random.Ge
             off = h @ net.weights[-1].T + net.biases[-1] - y[rows]
             loss += float((off**2).mean())
             g = np.clip(off, -1.0, 1.0) / batch
-            grads_w, grads_b = [], []
+            grads_w: list[np.ndarray] = []
+            grads_b: list[np.ndarray] = []
             for index in reversed(range(len(net.weights))):
                 grads_w.insert(0, g.T @ layers[index])
                 grads_b.insert(0, g.sum(axis=0))
@@ -181,7 +183,7 @@ class Episode:
                     return drove, True
                 if push_at < 0.0:
                     size = self._hard * rng.uniform(60.0, 280.0)
-                    dog.push(size * self._direction(), 0.1)
+                    dog.push((size * self._direction()).tolist(), 0.1)
                     push_at = rng.uniform(1.5, 4.0)
         return drove, False
 
@@ -262,7 +264,9 @@ def main() -> None:
     parser.add_argument('--output', type=Path, default=Path('ours.onnx'))
     options = parser.parse_args()
     rng = np.random.default_rng(0)
-    net, xs, ys = None, [], []
+    net: Any = None
+    xs: list[np.ndarray] = []
+    ys: list[np.ndarray] = []
     first = 0
     if options.start:
         xs, ys, net, first = pickle.loads(options.start.read_bytes())  # our own

@@ -68,7 +68,7 @@ def client(page: 'Page') -> Iterator[list[float]]:
 
 def clicks(page: 'Page', count: int) -> list[float]:
     """Return how long each of some clicks on a state took until the state was entered [ms]."""
-    controller = page.session.stack.legs.controller
+    controller = page.session.robot.legs.controller
     took = []
     for number in range(count):
         state = ('free stand', 'fixed stand')[number % 2]
@@ -100,7 +100,7 @@ def factor(page: 'Page') -> float:
     walk(page)
     before = page.session.world.time
     time.sleep(WINDOW)
-    return (page.session.world.time - before) / WINDOW
+    return float(page.session.world.time - before) / WINDOW
 
 
 def factors(page: 'Page', pairs: int) -> list[dict[str, float]]:

@@ -21,7 +21,8 @@ SENT = ('environment', 'walking', 'trials', 'family', 'cores')
 # Address of a Dask scheduler; '' is this machine.
 cluster = ''
 Result = Trace | RunFailed
-Task, Done = TypeVar('Task'), TypeVar('Done')
+Task = TypeVar('Task')
+Done = TypeVar('Done')
 
 
 def simulate_all(runs: Sequence[Run], note: Callable[[str], None]) -> dict[Run, Result]:

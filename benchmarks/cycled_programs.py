@@ -144,7 +144,7 @@ class Watch:
         deadline = time.monotonic() + PATIENCE
         while bool(self._node.count_publishers(topic)) != is_there:
             if time.monotonic() > deadline or (is_there and process.poll() is not None):
-                raise RuntimeError(f'{process.args}: {topic} there: {not is_there}')
+                raise RuntimeError(f'{process.args!r}: {topic} there: {not is_there}')
             self._pump.handle(0.02)
 
     def close(self) -> None:

@@ -41,7 +41,7 @@ PORTS = 4
 
 def judge_program(cycled: Cycled) -> Row:
     """Return the row of a program that was a process of its own each time."""
-    left = {
+    left: dict[str, Sequence[object]] = {
         'in shared memory': [name for name in cycled.shared if is_segment(name)],
         'in home and temporary folder': cycled.files,
         'processes': cycled.children,

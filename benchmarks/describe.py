@@ -89,7 +89,7 @@ def kinematics() -> Row:
     folder = share_directory('example-robot-data') / 'robots'
     names = ['go2', 'mbot']
     names += [str(folder / f'{name}_description/urdf/{name}.urdf') for name in QUADRUPEDS]
-    trials = []
+    trials: list[dict[str, Any]] = []
     for name in names:
         loaded = load_robot(name)
         deviations = check_kinematics(loaded)

@@ -50,7 +50,7 @@ def _look(task: tuple[float, float, int]) -> Seen:
 
 
 def _walls(seeds: list[int]) -> list[Row]:
-    trials = [
+    trials: list[dict[str, Any]] = [
         {
             'seed': seed,
             'world': 'room',

@@ -14,8 +14,8 @@ FIRST_SEED = 5000
 DEEP, ROOM, LONGEST = (0.3, 1.5), (0.02, 0.16), 90.0
 
 
-def gap_world(name: str, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return a room with a gap across it, as boxes (n, 6), its middle with yaw, and its width."""
+def gap_world(name: str, seed: int) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return a room with a gap across it, as boxes (n, 6), its middle with yaw, width, depth."""
     random = np.random.default_rng((seed, 51))
     inscribed = ROBOTS[name].footprint.inscribed
     width, depth = 2.0 * (inscribed + random.uniform(*ROOM)), random.uniform(*DEEP)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import dataclasses
 import math
 import time
+from typing import Any
 
 from buildings import measure_step
 from gaps import leave_gaps
@@ -121,7 +122,7 @@ def _cost(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
 
 def _refusals(name: str, tries: int) -> Row:
     """Send a robot to where it cannot come, and see how soon it says so."""
-    trials = []
+    trials: list[dict[str, Any]] = []
     for index in range(tries):
         course = Course(ROBOTS[name], FIRST_SEED + index)
         goal, grid, kind = course.choose_shut_off()
@@ -151,7 +152,7 @@ def _refusals(name: str, tries: int) -> Row:
 
 def _troubles(name: str, tries: int) -> Row:
     """Put boxes into the way and close doors; see that nothing is touched."""
-    trials = []
+    trials: list[tuple[Drive, dict[str, Any]]] = []
     seed = FIRST_SEED + 500
     while len(trials) < tries:
         course = Course(ROBOTS[name], seed)

@@ -87,8 +87,8 @@ class PhysicalRobot(KinematicRobot):
     def _look(self) -> None:
         self._tell_odometry()
         truth = self._script.truth
-        x, y, yaw = *truth.position[:2].tolist(), float(truth.rpy[2])
-        self.pose = np.array((x, y, yaw))
+        yaw = float(truth.rpy[2])
+        self.pose = np.array((*truth.position[:2], yaw))
         cos, sin = math.cos(yaw), math.sin(yaw)
         vx, vy = truth.linear_velocity[:2].tolist()
         turning = float(truth.angular_velocity[2])

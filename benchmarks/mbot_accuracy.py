@@ -11,8 +11,8 @@ from typing import Any
 
 from environment import alone
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensors.camera import Camera, Offscreen
-from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.camera import Camera, CameraTag, Offscreen
+from mujoco_sim.sensors.lidar import Lidar, LidarTag
 from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
@@ -122,6 +122,9 @@ def sensors(scans: int) -> list[Row]:
     loaded = load_robot('mbot')
     world = build_world(loaded, 'room')
     ((lidar_tag,), (colour_tag, depth_tag), _), _ = read_sensor_tags(loaded.robot)
+    assert isinstance(lidar_tag, LidarTag)
+    assert isinstance(colour_tag, CameraTag)
+    assert isinstance(depth_tag, CameraTag)
     site = Site(world, loaded.robot)
     lidar = Lidar(lidar_tag, site)
     wall = 0.5 * ROOM_SIZE
@@ -137,6 +140,7 @@ def sensors(scans: int) -> list[Row]:
         return [*rows, Row(what='cameras', measured=str(reason), must='pictures', passed=False)]
     camera, depth = (Camera(tag, site) for tag in (colour_tag, depth_tag))
     pixels = depth.take(offscreen, False, True, None).depths
+    assert pixels is not None
     x = float(loaded.robot.zero_poses[depth_tag.link].position[0])
     middle = pixels[depth.height // 2, depth.width // 2]
     times = []

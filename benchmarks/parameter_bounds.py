@@ -15,7 +15,7 @@ that go together badly are looked for by `--sets N`: all parameters of the legs 
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field
 from functools import partial
 import math
@@ -167,7 +167,7 @@ def drive(name: str, value: Any, seed: int, *, by_file: bool) -> str:
 
 
 def values_of(
-    known: dict[str, Known], names: list[str], first: int, inner: int
+    known: Mapping[str, Known], names: list[str], first: int, inner: int
 ) -> Iterator[tuple[str, str, Any]]:
     """Yield name, what it is called, and value of all that is tried."""
     for name in names:

@@ -100,7 +100,7 @@ class Stroller:
         to = self._ride.moving.pose[:2] - self.place
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         ahead, aside = cos * to[0] + sin * to[1], -sin * to[0] + cos * to[1]
-        return -0.2 < ahead < BEFORE and abs(aside) < 0.55
+        return bool(-0.2 < ahead < BEFORE and abs(aside) < 0.55)
 
 
 class Walker:

@@ -103,7 +103,7 @@ def environment_row(core: IdleCore, slices: int) -> Row:
 
     def measure(most: float) -> float:
         """Step with random actions up to `most`; return steps a second."""
-        actions = chance.uniform(-most, most, (STEPS_OF_SLICE, *env.action_space.shape))
+        actions = chance.uniform(-most, most, (STEPS_OF_SLICE, *(env.action_space.shape or ())))
         actions = actions.astype(np.float32)
         begun = time.perf_counter()
         for action in actions:

@@ -76,8 +76,13 @@ def skipped(name: str, reason: str) -> Row:
 def rise(name: str, path: Path, chosen: Sequence[int]) -> Experiment:
     """Return the experiment of one robot that lies anyhow and is to get up within a Go2's 16 s."""
     scale = scale_at(path)
-    how = {'description': str(path), 'scale': scale, 'patience': 16.0, 'share': 0.9}
-    return get_up(f'{name}, any pose', 'flat', 0.0, chosen, **how)
+    return get_up(
+        *(f'{name}, any pose', 'flat', 0.0, chosen),
+        description=str(path),
+        scale=scale,
+        patience=16.0,
+        share=0.9,
+    )
 
 
 def what(name: str) -> str:

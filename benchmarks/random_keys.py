@@ -87,7 +87,8 @@ def monkey_keys(duration: float, seed: int) -> str:
 def random_keys(duration: float, seed: int) -> str:
     """Return a key script for `wasd both`: the robots by turns, never long at rest."""
     chance = random.Random(seed)
-    lines, now, turn = [], 0.0, 0
+    lines: list[str] = []
+    now, turn = 0.0, 0
     presses = iter(START)
     while True:
         for after, keys in presses:

@@ -4,7 +4,7 @@
 import math
 
 from mujoco_sim.flats import make_flat
-from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.lidar import Lidar, LidarTag
 from mujoco_sim.sensors.mount import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
@@ -25,6 +25,7 @@ def drive_mbot(seed: int, length: float) -> Log:
     robot = wasd.Mbot(world=f'flat:{seed}', seed=seed)
     loaded = load_robot('mbot')
     ((tag,), *_), _ = read_sensor_tags(loaded.robot)
+    assert isinstance(tag, LidarTag)
     lidar, random = Lidar(tag, Site(robot._world, loaded.robot)), np.random.default_rng(seed)
     ticks: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []
     turns: list[tuple[float, np.ndarray]] = []

@@ -110,7 +110,9 @@ class Ride:
     def _tell(self, ranges: np.ndarray) -> None:
         angles = A1.angles
         limits = (A1.min_range, A1.max_range)
-        said = Ranges(ranges, float(angles[0]), A1.angle_increment, *limits, A1.time_increment)
+        said = Ranges(
+            ranges.tolist(), float(angles[0]), A1.angle_increment, *limits, A1.time_increment
+        )
         self.unit.senses.take_scan(self._begin, said, 'lidar')
 
     def _judge(self, now: float, _: Odometry) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Places where a planar lidar sees little to hold on to; the robot starts at their origin."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import math
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ LEG = 0.025  # half the width of the leg of a table [m]
 STEP = 0.05  # between the points of a given way [m]
 
 
-def _flat(boxes: list[tuple[float, ...]], corner: tuple[float, float]) -> Flat:
+def _flat(boxes: Sequence[tuple[float, ...]], corner: tuple[float, float]) -> Flat:
     """Return boxes (x, y, half length, half width, yaw) as a flat of one room."""
     low, none = np.array(corner), np.zeros((0, 4))
     rows = np.array([(*box[:4], HEIGHT, box[4]) for box in boxes])

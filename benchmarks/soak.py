@@ -44,7 +44,9 @@ def look(pid: int, now: float) -> Look:
     return Look(now, *held_by(pid))
 
 
-def soak(duration: float, seed: int, note: Callable[[str], None]) -> tuple[list[Look], dict]:
+def soak(
+    duration: float, seed: int, note: Callable[[str], None]
+) -> tuple[list[Look], dict[str, Any]]:
     """Run both robots; return what was seen, and the report without its samples."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

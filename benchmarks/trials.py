@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs of a quadruped, in this process or as `wasd go2`, and what their reports say."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import hashlib
 import json
 import math
@@ -164,5 +164,6 @@ def to_trace(run: Run, report: dict[str, Any], felt: Felt | None = None) -> Trac
     digest = hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()
     samples = report.pop('samples')
     names = ('position', 'rpy', 'velocity', 'command', 'odom', 'contacts', 'torque_max')
-    arrays = [np.array(samples[name]) for name in names]
-    return Trace(run, report, digest, np.array(samples['t']), samples['state'], *arrays, felt)
+    arrays: list[Any] = [np.array(samples[name]) for name in names]
+    trace = Trace(run, report, digest, np.array(samples['t']), samples['state'], *arrays)
+    return replace(trace, felt=felt)

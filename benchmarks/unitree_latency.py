@@ -122,7 +122,7 @@ def in_words(times: list[float]) -> str:
 
 def serve(go2: SimulatedGo2, domain: int, *words: str) -> dict[str, Any]:
     """Simulate until a program of the SDK has ended; return what it saw."""
-    command = [sys.executable, PROGRAMS, str(domain), *words]
+    command = [sys.executable, str(PROGRAMS), str(domain), *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
         go2.run(lambda: program.poll() is not None)
         assert program.stdout is not None

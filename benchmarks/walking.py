@@ -93,8 +93,10 @@ class Walk:
         ticks = TickStatistics(CONTROL).summary()
         report = build_report(self._recorder, asked, world.time, 0.0, ticks)
         report['samples'] = dict(report['samples'])
-        columns = np.array(self._felt).reshape(-1, 5).T
-        return report, Felt(*columns, self._feet.touchdowns(), self._mass)
+        height, energy, clearance, lowest, falls = np.array(self._felt).reshape(-1, 5).T
+        return report, Felt(
+            height, energy, clearance, lowest, falls, self._feet.touchdowns(), self._mass
+        )
 
     def _begin_instant(self) -> None:
         for push in self._pushes.due(self._world.time):
@@ -124,15 +126,15 @@ class Walk:
         assert odometry is not None
         x, y, z = map(float, odometry.position)
         yaw = yaw_of(odometry.orientation)
-        command = (0.0, 0.0, 0.0)
+        vx = vy = wz = 0.0
         if state in DRIVEN:
-            command = tuple(map(float, controller.command_filter.command))
+            vx, vy, wz = map(float, controller.command_filter.command)
         forces = self._world.contact_forces(self._touching)
         touching = (forces > 0.0).astype(int).tolist()
         is_down = self._trunk.is_down(
             any(touching[4:]) or controller.is_fallen, state, controller.event
         )
-        self._recorder.sample(Sample(state, command, (x, y, yaw), touching[:4], is_down))
+        self._recorder.sample(Sample(state, (vx, vy, wz), (x, y, yaw), touching[:4], is_down))
         feet, base = self._feet.heights(), float(self._world.base().position[2])
         told = z, self._energy, base - max(feet), min(feet), self._recorder.falls
         self._felt.append(told)
@@ -156,10 +158,10 @@ class Feet:
             self._found.append((time, float(self._speeds[foot])))
         self._was_down = is_down
         model, data, velocity = self._world.model, self._world.data, np.zeros(6)
-        for foot, geom in enumerate(self._geoms):
+        for index, geom in enumerate(self._geoms):
             kind = mujoco.mjtObj.mjOBJ_GEOM
             mujoco.mj_objectVelocity(model, data, kind, geom, velocity, 0)
-            self._speeds[foot] = np.linalg.norm(velocity[3:])
+            self._speeds[index] = np.linalg.norm(velocity[3:])
 
     def heights(self) -> list[float]:
         """Return how high the underside of each foot is [m]."""
