@@ -5,6 +5,7 @@ import json
 import logging
 from pathlib import Path
 import re
+import shlex
 import subprocess
 import sys
 from typing import Any
@@ -17,15 +18,24 @@ pytestmark = pytest.mark.slow
 
 # What draws pages and pictures, and numpy's masked arrays: 50 ms of a start.
 UNSEEN = ('PIL.Image', 'mujoco.studio', 'numpy.ma', 'statistics')
-# Runs `wasd` with words, and says on standard error what of ROS and of UNSEEN was loaded.
+# Runs `wasd` with words, and says on standard error what of UNSEEN was loaded.
 WATCHED = f"""
 import sys
 from wasd_bringup.cli import main
 status = main(sys.argv[1:])
-roots = {{name.partition('.')[0] for name in sys.modules}}
-print('LOADED', *sorted(n for n in roots if n == 'rclpy' or n.endswith('_msgs')), file=sys.stderr)
 print('UNSEEN', *(name for name in {UNSEEN} if name in sys.modules), file=sys.stderr)
 sys.exit(status)
+"""
+# Runs `wasd` with all words of a list, says what of ROS is loaded, and goes on with the next list.
+ONE_AFTER_THE_OTHER = """
+import json, sys
+from wasd_bringup.cli import main
+for commands in map(json.loads, sys.argv[1:]):
+    for words in commands:
+        assert main(words) == 0, words
+    roots = {name.partition('.')[0] for name in sys.modules}
+    found = sorted(name for name in roots if name == 'rclpy' or name.endswith('_msgs'))
+    print('LOADED', *found, file=sys.stderr)
 """
 # Hides rclpy from who looks for it, as where it is not installed.
 HIDDEN = """
@@ -52,33 +62,27 @@ def wasd(words: list[str], folder: Path, code: str = WATCHED) -> subprocess.Comp
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
 
 
-@pytest.mark.parametrize('name', RUNS)
-def test_a_run_without_ros_loads_none_of_it_and_has_the_same_samples(
-    name: str, new_runner: Any
-) -> None:
-    runner = new_runner()
-    folder = runner.folder
-    words, keys, twists = RUNS[name]
-    command = [word.strip('"') for word in re.findall(r'"[^"]*"|\S+', words)]
-    command += ['--speed', '0', '--viewer', 'none']
-    for option, text in (('--play', keys), ('--twist', twists)):
-        if text:
-            (folder / option).write_text(text)
-            command += [option, str(folder / option)]
-    found = {}
-    for more in ('--no-ros', ''):
-        report = folder / f'{more}.json'
-        whole = [*command, *more.split(), '--report', str(report)]
-        # That one with ROS is found to load it is to be seen once; others share their process.
-        is_watched = bool(more) or name == 'map and goal'
-        done = wasd(whole, folder) if is_watched else runner(*whole)
-        assert done.returncode == 0, done.stderr
-        told = json.loads(report.read_text())
-        robots = told.get('robots', {name: told})
-        found[more] = {robot: each['samples'] for robot, each in robots.items()}
-        loaded = done.stderr.partition('LOADED')[2].partition('UNSEEN')[0].split()
-        assert not is_watched or bool(loaded) is not bool(more), loaded
-    assert found['--no-ros'] == found['']
+def test_runs_without_ros_load_none_of_it_and_have_the_same_samples(tmp_path: Path) -> None:
+    commands = []
+    for name, (words, *texts) in RUNS.items():
+        command = [*shlex.split(words), '--speed', '0', '--viewer', 'none']
+        for option, text in zip(('--play', '--twist'), texts, strict=True):
+            if text:
+                file = tmp_path / f'{name}{option}'
+                file.write_text(text)
+                command += [option, str(file)]
+        commands.append([*command, '--report', name])
+    without = [[*command[:-1], f'{command[-1]} plain', '--no-ros'] for command in commands]
+    said = wasd([json.dumps(without), json.dumps(commands)], tmp_path, ONE_AFTER_THE_OTHER)
+    assert said.returncode == 0, said.stderr
+    loaded = re.findall('LOADED(.*)', said.stderr)
+    assert [bool(each) for each in loaded] == [False, True], loaded
+    for name in RUNS:
+        plain, told = (
+            json.loads((tmp_path / file).read_text()) for file in (f'{name} plain', name)
+        )
+        for robot, each in told.get('robots', {name: told}).items():
+            assert plain.get('robots', {name: plain})[robot]['samples'] == each['samples']
 
 
 def test_without_ros_too_it_is_logged_why_the_legs_let_go(
