@@ -141,7 +141,7 @@ def _number(world: str, word: str, span: 'Span') -> float:
 
 
 def _flat(spec: mujoco.MjSpec) -> None:
-    add_sky(spec, [0.55, 0.68, 0.82], [0.90, 0.93, 0.96], width=256)
+    add_sky(spec, [0.55, 0.68, 0.82], [0.90, 0.93, 0.96])
     _add_sun(spec.worldbody)
     spec.add_texture(
         name='floor',

@@ -39,7 +39,7 @@ def draw(robot: Robot, path: Path) -> None:
     spec = to_mujoco(robot, visuals=True)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
     spec.visual.headlight.ambient = np.full(3, 0.4)
-    add_sky(spec, [0.75, 0.82, 0.90], [0.97, 0.98, 1.0], width=64)
+    add_sky(spec, [0.75, 0.82, 0.90], [0.97, 0.98, 1.0])
     model = compile_model(spec)
     data = mujoco.MjData(model)
     for name, position in robot.rest_positions.items():
