@@ -3,7 +3,14 @@
 
 import random
 
-from mujoco_sim.viewer.clicks import CHANGE_PATIENCE, IDLE, KEY_PATIENCE, MOST_CHANGES, Mouse
+from mujoco_sim.viewer.clicks import (
+    CHANGE_PATIENCE,
+    IDLE,
+    KEY_PATIENCE,
+    MOST_CHANGES,
+    Mouse,
+    NOWHERE,
+)
 from mujoco_sim.viewer.input import GONE, LOSS, MARK, PageInput, SEVERAL, SILENCE
 from mujoco_sim.viewer.strokes import Stroke
 from page_puppet import code
@@ -199,6 +206,25 @@ def test_a_connection_that_ends_is_lost_at_once_however_slow_it_was(page, clock)
     assert page.take_keys() == [LOST, 'RELEASE+w']
     page.hear('next', W)
     assert page.take_keys() == []
+
+
+def test_a_button_that_went_down_on_a_page_that_is_gone_is_up_before_the_next_presses(page, clock):
+    see(page, 1)
+    page.lose('tab')
+
+    def shown(told: Mouse) -> Mouse:
+        clock.now += 0.05
+        return page.hear('next', NONE, told)
+
+    for _ in range(3):  # until a frame of panels has seen it
+        assert shown(Mouse(0, C)) == (1, NOWHERE)
+        assert page.silence > LOSS
+    page.see(1)
+    assert shown(Mouse(0, C)) == (0, NOWHERE)
+    page.see(0)
+    assert shown(Mouse(0, C)) == (0, C)
+    assert shown(Mouse(1, C)) == (1, C)
+    assert page.silence <= SILENCE
 
 
 def see(page: PageInput, buttons: int) -> None:

@@ -96,6 +96,21 @@ def scenario_a_stick_of_a_silent_page_is_let_go(page: Page) -> None:
     page.puppet.let_go()
 
 
+def scenario_the_first_press_counts_on_a_page_that_follows_one_lost_with_its_button_down(
+    page: Page,
+) -> None:
+    hold_stick(page)
+    page.open('another', page.puppet.size)
+    page.puppet.draw()
+    page.puppet.keys = {code('I')}
+    target = page.robot.drive_unit.controller
+    page.wait_until(lambda: target.target.linear > 0.0, 'drives')
+    page.puppet.press_at(middle_of(page.rects['e-stop']))
+    page.wait_until(lambda: target.target.linear == 0.0, 'stands')
+    page.puppet.let_go()
+    page.puppet.keys = set()
+
+
 def scenario_a_stick_that_moves_away_below_the_finger_is_let_go(page: Page) -> None:
     width, height = page.puppet.size
     hold_stick(page)

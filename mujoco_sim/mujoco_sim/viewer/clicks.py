@@ -22,6 +22,8 @@ class Mouse(NamedTuple):
 
 # No button is down.
 IDLE = Mouse()
+# Off the page: what is let go there is no click.
+NOWHERE = (-1, -1)
 
 
 class Clicks:
@@ -56,6 +58,18 @@ class Clicks:
         self._waiting.clear()
         self._told = self._seen
         self.shown = Mouse(self._seen, self.shown.place)
+
+    def change_page(self) -> None:
+        """
+        Show what the panels still see down of a page that is gone, then that it is up.
+
+        A new page, which holds nothing, has changed nothing for NetImgui: the panels would have
+        that button down until the end of its next press, which would press nothing.
+        """
+        if self._seen:
+            self.shown, self._age = Mouse(self._seen, NOWHERE), 0.0
+            self._waiting = [Mouse(0, NOWHERE)]
+            self._told, self._seen = 0, 0
 
     def show(self, told: Mouse, dt: float, waits: bool = False) -> Mouse:
         """

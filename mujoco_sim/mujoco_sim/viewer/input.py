@@ -204,7 +204,8 @@ class PageInput:
         """
         with self._lock:
             self._step()
-            if source is not self._source:
+            is_new = source is not self._source
+            if is_new:
                 self._end_life()
                 self._source = source
                 self._pictures.clear()
@@ -212,6 +213,8 @@ class PageInput:
                 self._keys.ignore_down()
             if not self._life.is_alive:
                 self._clicks.forget()
+            if is_new and not mouse.buttons:
+                self._clicks.change_page()
             now = self._clock()
             self._since = since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
