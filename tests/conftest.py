@@ -135,6 +135,31 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.fixture(autouse=True)
+def unbroken_legs(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """
+    Fail a test in which a leg controller has hidden an error of its own behind a recovery.
+
+    One that is marked `broken_legs` means it.
+    """
+    module = sys.modules.get('quadruped_sim.leg_controller')
+    if module is None or request.node.get_closest_marker('broken_legs') is not None:
+        yield
+        return
+    recover, said = module.LegController._recover, []
+
+    def recover_and_note(legs: Any, reading: Any, reason: str) -> Any:
+        if reason.startswith(module.BROKE):
+            said.append(reason)
+        return recover(legs, reading, reason)
+
+    monkeypatch.setattr(module.LegController, '_recover', recover_and_note)
+    yield
+    assert not said
+
+
 @pytest.fixture
 def ros(isolated_ros: int) -> Iterator[None]:
     """Have rclpy initialised as the project's nodes do it, and shut down afterwards."""

@@ -54,6 +54,8 @@ from quadruped_sim.tuning import JumpParameters
 
 _UP = np.array((0.0, 0.0, 1.0))
 _NO_FOOT = np.zeros(4)
+# What a recovery from an error of our own says first.
+BROKE = 'the controller broke'
 # Answer to the key v on a robot that can hardly lift itself.
 NO_JUMP = 'motors too weak or too slow to jump'
 # States that need no fresh readings, and keys that lead to them.
@@ -385,7 +387,7 @@ class LegController:
         try:
             return self._answer(good, dt, truth)
         except (ArithmeticError, TypeError, ValueError) as error:
-            return self._recover(good, f'the controller broke: {error}')
+            return self._recover(good, f'{BROKE}: {error}')
 
     def _answer(self, good: Reading, dt: float, truth: BaseState | None) -> JointCommand:
         """Estimate, change the state if that is due, and take a step of it."""
