@@ -138,9 +138,11 @@ def scale_parameters(
     On feet with little `friction` forces and accelerations keep inside it. Motors of a share
     `motor_speed` of the Go2's lift the feet lower, so that these are up and down in time.
     """
-    names = [field.name for field in fields(LegControllerParameters)]
-    groups = {name: _scale_group(getattr(params, name), scale) for name in names}
-    result = replace(params, **groups)
+    result = params
+    if scale.length != 1.0 or scale.mass != 1.0:
+        names = [field.name for field in fields(LegControllerParameters)]
+        groups = {name: _scale_group(getattr(params, name), scale) for name in names}
+        result = replace(params, **groups)
     mpc, command, gait = result.mpc, result.command, result.gait
     lift = min(1.0, motor_speed / LIFT_SHARE)
     grip = ACCELERATION_SHARE * friction * GRAVITY

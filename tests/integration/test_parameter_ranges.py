@@ -117,7 +117,7 @@ def test_ros_tells_the_ends_of_every_number_takes_them_and_refuses_what_is_outsi
             ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
             if descriptor.read_only:
                 continue
-            before = node.get_parameter(name)
+            kept = before = node.get_parameter(name)
             ends = [end for each in ranges for end in (each.from_value, each.to_value)]
             more = bounds.ends_of(fields[name]).values() if name in fields else ()
             for value in dict.fromkeys((*ends, *more)):
@@ -128,10 +128,10 @@ def test_ros_tells_the_ends_of_every_number_takes_them_and_refuses_what_is_outsi
                 refusal = 'must be within' if value in ends else 'must'
                 assert taken.successful or refusal in taken.reason
                 assert '\n' not in taken.reason
-                kept = Parameter(name, value=wanted) if taken.successful else before
+                kept = Parameter(name, value=wanted) if taken.successful else kept
                 assert repr(node.get_parameter(name).value) == repr(kept.value), name
-                node.set_parameters([before])
                 asked += 1
+            node.set_parameters([before])
             if not ranges:
                 continue
             numbers += 1
