@@ -227,6 +227,22 @@ def test_a_button_that_went_down_on_a_page_that_is_gone_is_up_before_the_next_pr
     assert page.silence <= SILENCE
 
 
+def test_a_key_that_was_down_on_a_page_that_is_gone_is_up_for_the_panels_of_the_next(page):
+    page.hear('tab', W)
+    page.type(Stroke(W))
+    page.lose('tab')
+
+    def shown() -> frozenset[int]:
+        page.hear('next', NONE)
+        return page.type(Stroke()).keys
+
+    for _ in range(3):  # until a frame of panels has seen it
+        told = shown()
+        assert told - MARK == W
+    page.see(0, told >= MARK)
+    assert shown() - MARK == NONE
+
+
 def see(page: PageInput, buttons: int) -> None:
     """Have a page tell of its mouse's buttons, and a frame of panels see them."""
     page.see(page.hear('tab', NONE, Mouse(buttons)).buttons)

@@ -100,6 +100,8 @@ def scenario_the_first_press_counts_on_a_page_that_follows_one_lost_with_its_but
     page: Page,
 ) -> None:
     hold_stick(page)
+    page.puppet.keys = {code('LeftCtrl')}  # as of Ctrl-R
+    page.puppet.draw()
     page.open('another', page.puppet.size)
     page.puppet.draw()
     page.puppet.keys = {code('I')}

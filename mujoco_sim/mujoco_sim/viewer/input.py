@@ -192,7 +192,7 @@ class PageInput:
         MARK is among its keys while the panels shall see it down.
         """
         with self._lock:
-            if not self._is_typing:
+            if not self._is_typing and not self._strokes.is_changing_page:
                 return self._strokes.skip(told)
             return self._strokes.show(told, self._since)
 
@@ -209,6 +209,7 @@ class PageInput:
                 self._end_life()
                 self._source = source
                 self._pictures.clear()
+                self._strokes.change_page()
             if self._life.age > GONE:
                 self._keys.ignore_down()
             if not self._life.is_alive:

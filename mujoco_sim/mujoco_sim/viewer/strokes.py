@@ -37,6 +37,8 @@ class Strokes:
         self._age = 0.0
         self._shown = self._before = self._told = frozenset[int]()
         self._waiting: list[Stroke] = []
+        self._left = frozenset[int]()  # down for the panels when a page was lost
+        self.is_changing_page = False
 
     @property
     def is_seen(self) -> bool:
@@ -55,8 +57,15 @@ class Strokes:
 
     def forget(self) -> None:
         """Let nothing wait: another browser types."""
+        self._left |= self._shown
         self._waiting.clear()
         self._shown = self._before = self._told = frozenset()
+
+    def change_page(self) -> None:
+        """Show what the panels still see down of a page that is gone, then that it is up."""
+        self.is_changing_page = bool(self._left)
+        self._waiting = [Stroke(self._left), Stroke()] if self._left else []
+        self._left = frozenset()
 
     def skip(self, told: Stroke) -> Stroke:
         """Take a stroke that is for no field: it is seen at once."""
@@ -89,6 +98,7 @@ class Strokes:
         stroke = self._waiting.pop(0)
         self._is_marked, self._age = not self._is_marked, 0.0
         self._before, self._shown = self._shown, stroke.keys
+        self.is_changing_page &= bool(self._waiting)
         return self._marked(stroke)
 
     def _marked(self, stroke: Stroke) -> Stroke:
