@@ -203,6 +203,7 @@ def test_what_is_recorded_of_a_run_are_its_options(read):
         ),
         (('--duration', 'nan'), "--duration: got 'nan', wanted a number >= 0"),
         (('--duration', '-1'), "--duration: got '-1'"),
+        (('--speed', '1e-9'), '--speed must be 0, or >= 0.001 and <= 1000, got 1e-09'),
         (('--speed', 'fast'), "--speed: got 'fast', wanted a number >= 0"),
         (('--friction', '0'), '--friction must be >= 0.01 and <= 2, got 0.0'),
         (('--friction', '-0.1'), '--friction must be >= 0.01 and <= 2, got -0.1'),

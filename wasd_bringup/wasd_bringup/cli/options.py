@@ -17,7 +17,15 @@ from pathlib import Path
 import stat
 from typing import Any
 
-from mujoco_sim.parameters import HEAVIEST, LIDAR_NAMES, Payload, Untold, WORLD_KINDS, WORLD_NAMES
+from mujoco_sim.parameters import (
+    HEAVIEST,
+    LIDAR_NAMES,
+    Payload,
+    SimulatorParameters,
+    Untold,
+    WORLD_KINDS,
+    WORLD_NAMES,
+)
 from quadruped_sim.presets import GAITS, LIMITS
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import LAYOUTS
@@ -116,6 +124,17 @@ def read_number(text: str, word: str, most: float = 0.0) -> float:
     if most and value > most:
         raise UserError(f'{word}: got {value:g}, wanted at most {most:g} s')
     return value
+
+
+def read_speed(text: str, word: str) -> float:
+    """
+    Return a real-time factor; `SimulatorParameters` knows its bounds.
+
+    Raises:
+        UserError: it is none.
+    """
+    speed = read_number(text, word)
+    return float(_untold(lambda: SimulatorParameters(speed=speed)).speed)
 
 
 def read_untold(text: str, word: str) -> float:
@@ -431,7 +450,7 @@ OPTIONS = (
     Option(
         word='--speed',
         help='target real-time factor; 0: as fast as possible (default 1)',
-        read=read_number,
+        read=read_speed,
         how={'metavar': 'X'},
     ),
     Option(
