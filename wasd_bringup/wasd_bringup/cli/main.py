@@ -33,7 +33,7 @@ from wasd_bringup.cli.parsers import (
     describe_examples,
     run_epilog,
     split_ros_arguments,
-    version,
+    Version,
 )
 from wasd_bringup.robots import BOTH, ROBOTS, unitree_help, UNITREE_PRESET
 
@@ -71,7 +71,8 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument('--version', action='version', version=f'wasd {version()}')
+    what = "show program's version number and exit"
+    parser.add_argument('--version', action=Version, nargs=0, help=what)
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     summaries = {row.name: row.summary for row in ROBOTS.values()}
     summaries[BOTH] = 'drive Go2 and mbot in one world; TAB selects the other robot'
