@@ -5,15 +5,17 @@ Remembers what our own descriptions, the G1's and those of the catalogue are.
 Several tests read each of the catalogue: an expansion is a fork, up to a tenth of a second of a
 processor where everything is loaded. Of ours the product itself remembers it, but to parse a
 description takes as long again, and tests load the same few robots some thousand times: what is
-found in one, legs and wheels, and Pinocchio's model of it stay with it. Lint, and tests of
-expanding, expand by themselves; so does every program that is started from the beginning.
+found in one, legs and wheels, Pinocchio's model of it and MuJoCo's of a G1 stay with it. Lint, and
+tests of expanding, expand by themselves; so does every program that is started from the beginning.
 """
 
 from collections.abc import Callable
+import copy
 import functools
 import os
 from pathlib import Path
 import sys
+from types import SimpleNamespace
 from typing import Any
 
 import robot_description
@@ -34,6 +36,9 @@ def remember() -> None:
     legs: Any = sys.modules.get('quadruped_sim.robot_model')
     if legs and not hasattr(legs.to_pinocchio, '__wrapped__'):
         legs.to_pinocchio = _keeping(legs.to_pinocchio)
+    worlds: Any = sys.modules.get('wasd_bringup.run.worlds')
+    if worlds and not hasattr(worlds.build_world, '__wrapped__'):
+        worlds.build_world = _compiling_once(worlds.build_world)
 
 
 def _remembering(expand: Callable[..., Any]) -> Callable[..., Any]:
@@ -80,6 +85,26 @@ def _keeping(make: Callable[..., Any]) -> Callable[..., Any]:
         return known[key]
 
     return make_once
+
+
+def _compiling_once(build: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile what is none of ours, a G1's meshes take 0.3 s, once; others get a copy of that."""
+
+    @functools.wraps(build)
+    def build_once(loaded: Any, world: str, seed: int, setup: Any, *others: Any) -> Any:
+        is_file, is_usual = os.path.exists(world), setup.drawn == type(setup.drawn)()
+        if is_file or not is_usual or not _is_in(loaded.path, *_others()):
+            return build(loaded, world, seed, setup, *others)
+        known = vars(loaded).setdefault('worlds', {})
+        if (key := repr((world, seed, setup, others))) in known:
+            kind, model = known[key]
+            again = SimpleNamespace(compile=functools.partial(copy.copy, model))
+            return kind(again, loaded.robot.base, seed, setup)
+        built = build(loaded, world, seed, setup, *others)
+        known[key] = type(built), copy.copy(built.model)
+        return built
+
+    return build_once
 
 
 @functools.cache
