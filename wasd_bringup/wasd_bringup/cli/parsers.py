@@ -72,11 +72,12 @@ class Version(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
         """Say it, and end."""
-        print(f'wasd {_version()}')
+        print(f'wasd {version()}')
         parser.exit()
 
 
-def _version() -> str:
+def version() -> str:
+    """Return the version that is installed."""
     # Here, because few ask: it takes 20 ms of each start.
     from importlib import metadata
 
