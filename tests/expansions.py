@@ -92,11 +92,12 @@ def _compiling_once(build: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(build)
     def build_once(loaded: Any, world: str, seed: int, setup: Any, *others: Any) -> Any:
-        is_file, is_usual = os.path.exists(world), setup.drawn == type(setup.drawn)()
-        if is_file or not is_usual or not _is_in(loaded.path, *_others()):
+        # Other worlds are drawn by their seed.
+        is_plain = world == 'flat' and setup.drawn == type(setup.drawn)()
+        if not is_plain or not _is_in(loaded.path, *_others()):
             return build(loaded, world, seed, setup, *others)
         known = vars(loaded).setdefault('worlds', {})
-        if (key := repr((world, seed, setup, others))) in known:
+        if (key := repr((setup, others))) in known:
             kind, model = known[key]
             again = SimpleNamespace(compile=functools.partial(copy.copy, model))
             return kind(again, loaded.robot.base, seed, setup)

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A G1 in a run: on the hoist, in a pose, by a network, pushed, down, and back."""
 
-import copy
-from typing import NamedTuple
-
-from mujoco_sim.world import build_world, World
 import numpy as np
 from policy_files import constant, layers, mjlab, onnx
 from policy_player.stands import G1_JOINTS, g1_stand
@@ -13,7 +9,6 @@ from teleop_keyboard.keymap_file import preset_names
 from terminals import wait_until
 import wasd
 from wasd_bringup.page.bridge import CockpitBridge
-from wasd_bringup.run import worlds
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 from wasd_cockpit.link import Order
@@ -42,35 +37,6 @@ def network(folder, joints=G1_JOINTS, weights=None):
     made = weights or constant(9 + 3 * count, np.zeros(count))
     path.write_bytes(onnx(*made, told))
     return str(path)
-
-
-class Compiled(NamedTuple):
-    """What stands for a specification that is compiled already."""
-
-    model: object
-
-    def compile(self):
-        return copy.copy(self.model)
-
-
-@pytest.fixture(scope='module', autouse=True)
-def compiled_once():
-    """Compile each robot in its world once: hulls of a G1's meshes take half of its start."""
-    known = []
-
-    def build(loaded, world, seed, setup, *more):
-        key = (world, setup, *more)
-        for robot, how, compiled in known:
-            if robot is loaded.robot and how == key:
-                return World(compiled, loaded.robot.base, seed, setup)
-        built = build_world(loaded, world, seed, setup, *more)
-        if world == 'flat':  # others are drawn by their seed
-            known.append((loaded.robot, key, Compiled(copy.copy(built.model))))
-        return built
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worlds, 'build_world', build)
-        yield
 
 
 @pytest.fixture
