@@ -12,6 +12,7 @@ import pytest
 from ros_types import store
 from rosbags.rosbag2.storage_mcap import McapReader
 from terminals import PATIENCE
+from wasd_bringup.tools.recording.bag_writer import CHUNK_SIZE
 from wasd_bringup.tools.recording.reader import BagReader
 
 pytestmark = pytest.mark.slow
@@ -134,9 +135,10 @@ def test_a_full_disk_stops_the_run_in_one_line_and_keeps_what_was_written(
     new_runner: Any,
 ) -> None:
     runner = new_runner()
+    room = 5 * CHUNK_SIZE // 2  # for two chunks, however fast a machine fills them
     done = runner(
         *('mbot', '--duration', '60', '--speed', '0', '--record', 'big.mcap'),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000)),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
     )
     assert done.returncode == 2
     assert done.stderr == 'error: --record big.mcap: File too large\n'

@@ -9,11 +9,13 @@ import random
 from builtin_interfaces.msg import Time
 from cases import for_all
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 from wasd_bringup.tools.recording import bag_writer
 from wasd_bringup.tools.recording.bag_writer import BagWriter
 from wasd_bringup.tools.recording.reader import BagReader, RecordingError
@@ -198,7 +200,9 @@ def messages() -> list[object]:
     joints = JointState(name=['a', 'bcd', 'ef'], position=[1.0, 2.0, 3.0])
     contacts = JointState(name=['foot'], effort=[4.0, 5.0])
     array = DiagnosticArray(status=[DiagnosticStatus(name='x\u00e4', level=b'\x01')] * 2)
-    return [odometry, joints, contacts, JointState(), array, Time(sec=3)]
+    # What is of one length begins at any place, also where it is known from before.
+    frames = TFMessage(transforms=2 * [TransformStamped(child_frame_id=n * 'x') for n in range(9)])
+    return [odometry, joints, contacts, JointState(), array, Time(sec=3), frames]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import math
 import re
 import sys
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rosidl_parser.definition import (
@@ -165,22 +165,60 @@ _SIZES = {
 }
 
 
+class _Field(NamedTuple):
+    """A field of a message: whether it is one item or several, counted or not, and of what."""
+
+    name: str
+    is_single: bool
+    is_counted: bool
+    item: Any
+    size: int  # of an item [B], 0 unless it is a number
+
+
+class _Layout(NamedTuple):
+    """The fields of a type, and the lengths of such messages [B] where all have the same."""
+
+    fields: tuple[_Field, ...]
+    lengths: dict[int, int]  # by their place in 8 bytes
+
+
+_layouts: dict[Any, _Layout] = {}  # by type
+
+
+def _layout_of(message: Any) -> _Layout:
+    kind = type(message)
+    if kind not in _layouts:
+        fields = []
+        for name, slot in zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True):
+            is_single = not isinstance(slot, AbstractNestedType)
+            item = slot if is_single else slot.value_type
+            size = _SIZES[item.typename] if isinstance(item, BasicType) else 0
+            fields.append(_Field(name, is_single, isinstance(slot, AbstractSequence), item, size))
+        _layouts[kind] = _Layout(tuple(fields), {})
+    return _layouts[kind]
+
+
 def cdr_end(message: Any, start: int = 0) -> int:
     """Return where a message without wide strings ends as CDR, that begins at a place [B]."""
-    at = start
-    for name, kind in zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True):
+    fields, lengths = _layout_of(message)
+    if (known := lengths.get(start % 8)) is not None:
+        return start + known
+    at, is_fixed = start, True
+    for name, is_single, is_counted, item, size in fields:
         value = getattr(message, name)
-        is_single = not isinstance(kind, AbstractNestedType)
-        items, item = ([value], kind) if is_single else (value, kind.value_type)
-        if isinstance(kind, AbstractSequence):
-            at += -at % 4 + 4
-        if isinstance(item, BasicType) and len(items):
-            size = _SIZES[item.typename]
+        items = [value] if is_single else value
+        if is_counted:
+            at, is_fixed = at + -at % 4 + 4, False
+        if size and len(items):
             at += -at % size + size * len(items)
         elif isinstance(item, NamespacedType):
             for each in items:
                 at = cdr_end(each, at)
+                is_fixed = is_fixed and bool(_layout_of(each).lengths)
         elif isinstance(item, AbstractGenericString):
+            is_fixed = False
             for each in items:
                 at += -at % 4 + 4 + len(each.encode()) + 1
+    if is_fixed:
+        lengths[start % 8] = at - start
     return at
