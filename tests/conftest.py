@@ -40,8 +40,8 @@ for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
 
 @pytest.hookimpl(optionalhook=True)  # not every place that runs tests has xdist
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Return how many workers `-n auto` means: more than processors, for tests wait, too."""
-    return len(os.sched_getaffinity(0)) + 3
+    """Return how many workers `-n auto` means: two more than processors, for tests wait, too."""
+    return len(os.sched_getaffinity(0)) + 2
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist starts its workers
