@@ -29,9 +29,13 @@ def read(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_an_option_of_another_robot_names_the_help_of_this_one():
+def test_an_option_of_another_robot_names_that_robot_and_the_help_of_this_one():
     with pytest.raises(UserError, match=r'arguments: --gait walk \(see: .*wasd mbot --help\)'):
         make_parser().parse_args(['mbot', '--gait', 'walk'])
+    with pytest.raises(UserError, match='^--goal is for wasd go2, wasd mbot, wasd g1; unrec'):
+        make_parser().parse_args(['both', '--explore', '--goal=1 1'])
+    with pytest.raises(UserError, match='^unrecognized arguments: --gaol'):
+        make_parser().parse_args(['both', '--gaol', '1 1'])
     with pytest.raises(UserError, match=r'arguments: more \(see: .*wasd keys --help\)'):
         make_parser().parse_args(['keys', 'mbot', 'more'])
 

@@ -2,7 +2,7 @@
 """Command lines: a parser whose errors are one line, and programs that run a node."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import dataclasses
 from dataclasses import dataclass
 from importlib import import_module
@@ -20,7 +20,13 @@ from wasd_core.shared_memory import look_before_ros
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """An argparse parser, and of its commands, that raises instead of printing its usage."""
+    """
+    An argparse parser, and of its commands, that raises instead of printing its usage.
+
+    `place_of(word)` says whose option a word is that is unknown here, '' if nobody's.
+    """
+
+    place_of: Callable[[str], str] = staticmethod(lambda word: '')
 
     def error(self, message: str) -> NoReturn:
         """
@@ -35,7 +41,8 @@ class OneLineParser(argparse.ArgumentParser):
         """Refuse what is not known here: to whom a command leaves it, its help is not named."""
         known, rest = super().parse_known_args(args, namespace)
         if rest:
-            self.error(f'unrecognized arguments: {" ".join(rest)}')
+            places = filter(None, (self.place_of(word.partition('=')[0]) for word in rest))
+            self.error('; '.join([*places, f'unrecognized arguments: {" ".join(rest)}']))
         return known, rest
 
 

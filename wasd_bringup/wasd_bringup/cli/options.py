@@ -29,6 +29,7 @@ from mujoco_sim.parameters import (
 from quadruped_sim.presets import GAITS, LIMITS
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import LAYOUTS
+from wasd_core.command_line import OneLineParser
 from wasd_core.errors import DescriptionError, one_line, UserError
 from wasd_core.network import LAST_DOMAIN
 from wasd_core.output_file import check_apart, OutputFile
@@ -616,9 +617,20 @@ def options_of(command: str) -> list[Option]:
     return [option for option in OPTIONS if option.of in places]
 
 
-def add_run_options(parser: argparse.ArgumentParser, command: str) -> None:
+def place_of(word: str) -> str:
+    """Return which commands run robots with an option, as a text; '' for none."""
+    commands = [
+        f'wasd {command}'
+        for command in (*ROBOTS, BOTH)
+        if any(option.word == word for option in options_of(command))
+    ]
+    return f'{word} is for {", ".join(commands)}' if commands else ''
+
+
+def add_run_options(parser: OneLineParser, command: str) -> None:
     """Declare the options of a command that runs robots."""
     parser.set_defaults(robot=command)
+    parser.place_of = place_of
     facts = vars(ROBOTS[command]) if command in ROBOTS else {}
     for option in options_of(command):
         default = facts.get(option.usual) if option.usual else None
