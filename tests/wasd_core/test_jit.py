@@ -147,6 +147,16 @@ def test_a_state_that_comes_back_is_still_compiled_until_many_others_came(kernel
     assert len(list(folder.glob('kernels-*'))) == 8
 
 
+def test_the_state_that_is_used_is_kept_though_others_seem_newer(kernels):
+    assert kernels.use() == '1'
+    (folder,) = {path.parent.parent for path in kernels.folder.rglob('*size*.nbi')}
+    for other in range(8):
+        (folder / f'kernels-{other}').mkdir()
+        os.utime(folder / f'kernels-{other}', (4e9, 4e9))  # as before a clock was set back
+    assert kernels.use() == '1 1'
+    assert len(list(folder.glob('kernels-*'))) == 8
+
+
 def test_an_installation_elsewhere_of_the_same_files_compiles_nothing(kernels):
     assert kernels.use() == '1'
     other = kernels.folder / 'another environment'

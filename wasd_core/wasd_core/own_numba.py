@@ -101,8 +101,9 @@ def _used(folder: Path, name: str) -> Path:
     """Mark a folder as the last that was used, and forget those that were not for long."""
     with contextlib.suppress(OSError):
         os.utime(folder)
-        states = sorted(folder.parent.glob(f'{name}-*'), key=lambda path: path.stat().st_mtime)
-        for old in states[:-MOST_KEPT]:
+        # The used one is the last, whatever a coarse clock, or one that was set back, makes of it.
+        others = {*folder.parent.glob(f'{name}-*')} - {folder}
+        for old in sorted(others, key=lambda path: path.stat().st_mtime)[: 1 - MOST_KEPT]:
             shutil.rmtree(old, ignore_errors=True)
     return folder
 
