@@ -8,13 +8,12 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 import types
 
 from cases import for_all
 import pytest
-from terminals import PATIENCE
+from terminals import PATIENCE, wait_until
 from wasd_core.errors import UserError
 from wasd_core.network import do_without_shared_memory, PROFILE, PROFILES_FILE, RANGE, UDP_PROFILE
 from wasd_core.shared_memory import (
@@ -87,21 +86,26 @@ def test_what_a_killed_node_leaves_goes_when_it_is_dead_but_not_before(isolated_
         for name in mine:
             os.utime(SHARED_MEMORY / f'{name}_el', (0.0, 0.0))
         assert not mine & set(remove_segments_of_the_dead())
+        for name in mine:
+            os.utime(SHARED_MEMORY / f'{name}_el')  # others start meanwhile, and leave young ones
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
     assert all((SHARED_MEMORY / name).exists() for name in mine)
-    # Another start may have been quicker.
+    for name in mine:
+        os.utime(SHARED_MEMORY / f'{name}_el', (0.0, 0.0))
+    # Another start may be about to.
     remove_segments_of_the_dead()
-    assert not any(
-        (SHARED_MEMORY / f'{name}{end}').exists() for name in mine for end in ('', '_el')
-    )
+    ends = [f'{name}{end}' for name in mine for end in ('', '_el')]
+    wait_until(lambda: not any((SHARED_MEMORY / name).exists() for name in ends))
 
 
 @for_all('name', ['fastrtps_port7411', 'sem.fastrtps_port7649_mutex'])
-def test_an_empty_port_or_lock_of_the_domain_is_not_to_be_waited_for(name, tmp_path):
+def test_an_old_empty_port_or_lock_of_the_domain_is_not_waited_for(name, tmp_path, monkeypatch):
     assert why_no_shared_memory(0, tmp_path) == ''
     (tmp_path / name).touch()
+    os.utime(tmp_path / name, (0.0, 0.0))
+    monkeypatch.setattr(time, 'sleep', lambda _: pytest.fail('waited for nobody'))
     assert why_no_shared_memory(0, tmp_path) == f'{tmp_path / name} is empty: remove it'
     assert why_no_shared_memory(1, tmp_path) == ''
     (tmp_path / name).write_bytes(b'data')
@@ -111,11 +115,22 @@ def test_an_empty_port_or_lock_of_the_domain_is_not_to_be_waited_for(name, tmp_p
     assert why_no_shared_memory(0, tmp_path) == f'{tmp_path / name} is no file'
 
 
-def test_an_empty_port_that_a_neighbour_is_making_is_waited_for(tmp_path):
+def test_an_empty_port_that_a_neighbour_is_making_is_waited_for(tmp_path, monkeypatch):
     path = tmp_path / 'fastrtps_port7650'
     path.touch()
-    filled = threading.Timer(0.02, path.write_bytes, [b'data'])
-    filled.start()
+    began, slept = path.stat().st_mtime, 0.0
+
+    def sleep(seconds):
+        nonlocal slept
+        slept += seconds
+        if slept > took:
+            path.write_bytes(b'data')
+
+    clock = types.SimpleNamespace(monotonic=lambda: slept, time=lambda: began + slept, sleep=sleep)
+    monkeypatch.setattr('wasd_core.shared_memory.time', clock)
+    took = 2.0
+    assert why_no_shared_memory(1, tmp_path) == f'{path} is empty: remove it'
+    took, slept = 0.7, 0.0  # the neighbour has to wait for a processor
     assert why_no_shared_memory(1, tmp_path) == ''
 
 

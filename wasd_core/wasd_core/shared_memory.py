@@ -34,8 +34,8 @@ YOUNG_SEGMENT = 60.0
 # What LTTng maps: of all users, and of one.
 TRACING = re.compile(r'lttng-ust-wait-\d+(?:-\d+)?')
 TRACING_ROOM = 64_000
-# So long a file may be empty while another process makes it [s].
-MAKING = 0.1
+# So long a file may be empty while another process, on a busy machine, makes it [s].
+MAKING = 1.0
 
 
 def why_no_shared_memory(domain: int, folder: Path = SHARED_MEMORY) -> str:
@@ -108,9 +108,9 @@ def _why_unusable(path: Path, may_be_empty: bool) -> str:
             return 'is no file'
         if status.st_size or may_be_empty:
             return ''
-        if time.monotonic() > deadline:
+        if time.monotonic() > deadline or time.time() - status.st_mtime > MAKING:
             return 'is empty: remove it'
-        time.sleep(MAKING / 10)
+        time.sleep(0.01)
 
 
 def remove_segments_of_the_dead(folder: Path = SHARED_MEMORY) -> list[str]:
