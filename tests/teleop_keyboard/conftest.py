@@ -40,6 +40,7 @@ class PtyProcess:
             env={**os.environ, 'TERM': 'xterm', **(environment or {})},
         )
         # Somebody must read the screen, or the process waits for room to write.
+        self._reading = threading.Lock()
         self._closing = threading.Event()
         self._is_read = threading.Event()
         self._is_read.set()
@@ -50,8 +51,15 @@ class PtyProcess:
         while not self._closing.is_set():
             if not self._is_read.wait(0.05):
                 continue
-            if select.select([self.master], [], [], 0.05)[0]:
-                self.output += os.read(self.master, 65536)
+            select.select([self.master], [], [], 0.05)
+            self._read_on()
+
+    def _read_on(self):
+        with self._reading:
+            while self._is_read.is_set() and select.select([self.master], [], [], 0.0)[0]:
+                # Read first: a test may have emptied `output` meanwhile.
+                data = os.read(self.master, 65536)
+                self.output += data
 
     @property
     def attributes(self):
@@ -73,8 +81,8 @@ class PtyProcess:
 
     def freeze(self):
         """Read no more, as a connection that has died, and leave no room for another byte."""
-        self._is_read.clear()
-        time.sleep(0.1)  # the reader's last look
+        with self._reading:
+            self._is_read.clear()
         fill(self.slave)
 
     def thaw(self):
@@ -90,8 +98,11 @@ class PtyProcess:
         self.is_gone = True
 
     def wait(self):
-        """Wait for the end of the process and return its status."""
-        return self.process.wait(PATIENCE)
+        """Wait for the end of the process, read its last words, and return its status."""
+        status = self.process.wait(PATIENCE)
+        if not self.is_gone:
+            self._read_on()
+        return status
 
     def close(self):
         """End the process if it still runs."""
@@ -238,7 +249,7 @@ class Listener:
     def close(self):
         """Stop listening."""
         self._executor.shutdown()
-        self._thread.join(5.0)
+        self._thread.join(PATIENCE)
         self.node.destroy_node()
 
 

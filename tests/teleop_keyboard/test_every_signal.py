@@ -3,7 +3,6 @@
 
 import os
 import signal
-import time
 
 import pytest
 from teleop_keyboard.keys_to_twist import STANDSTILL
@@ -51,6 +50,7 @@ from teleop_keyboard import teleop_node as module
 publish = module.KeyPublisherNode.publish_key
 def publish_or_hang(self, key):
     if key == 'X':
+        print('STUCK', flush=True)
         time.sleep(60.0)
     publish(self, key)
 module.KeyPublisherNode.publish_key = publish_or_hang
@@ -106,11 +106,12 @@ def test_each_ends_it_while_it_is_stuck_in_its_start(ros_domain, pty_process, nu
 
 
 def test_a_loop_that_is_stuck_is_ended_with_a_zero(pty_process, listener):
-    process = pty_process('-c', STUCK_LATER)
+    # Driven by a key that latches, it moves until the test is there.
+    process = pty_process('-c', STUCK_LATER, '--ros-args', '-p', 'mode:=latch')
     listener.probe(process)
     listener.drive(process)
     process.type(b'X')
-    time.sleep(0.3)
+    process.wait_for(b'STUCK')
     assert listener.velocities[-1] != STANDSTILL
     end(process, signal.SIGTERM)
     wait_until(lambda: listener.stands)
@@ -130,7 +131,7 @@ def test_signals_that_python_ignores_leave_a_driver_in_charge(pty_process, liste
 
 @pytest.mark.parametrize('number', [signal.SIGTTIN, signal.SIGTTOU], ids=name_of)
 def test_what_suspends_it_leaves_a_zero_and_the_terminal_and_it_goes_on(
-    pty_process, listener, number
+    pty_process, listener, tmp_path, number
 ):
     # Its shell has to be there: without one the system does not stop a process.
     shell = (
@@ -144,12 +145,12 @@ def test_what_suspends_it_leaves_a_zero_and_the_terminal_and_it_goes_on(
         'print("JOB", job, flush=True)\n'
         'os.waitpid(job, os.WUNTRACED)\n'
         'print("STOPPED", flush=True)\n'
-        'time.sleep(1.0)\n'
+        'while not os.path.exists(os.environ["GO_ON"]): time.sleep(0.01)\n'
         'os.kill(job, signal.SIGCONT)\n'
         'sys.exit(os.waitstatus_to_exitcode(os.waitpid(job, 0)[1]))\n'
     )
-    process = pty_process('-c', shell, *TELEOP)
-    process.wait_for(b'JOB')
+    go_on = tmp_path / 'go_on'
+    process = pty_process('-c', shell, *TELEOP, environment={'GO_ON': str(go_on)})
     listener.probe(process)
     job = int(process.output.split(b'JOB ')[1].split()[0])
     listener.drive(process)
@@ -157,6 +158,7 @@ def test_what_suspends_it_leaves_a_zero_and_the_terminal_and_it_goes_on(
     wait_until(lambda: b'STOPPED' in process.output)
     assert process.attributes == process.before
     wait_until(lambda: listener.stands)
+    go_on.touch()
     wait_until(lambda: process.is_raw)
     listener.settle()
     assert listener.stands

@@ -119,10 +119,10 @@ def test_keys_are_saved_in_simulated_time_from_the_first_on(pty_process, listene
     sim_time = ('--ros-args', '-p', 'use_sim_time:=true')
     process = pty_process(*MODULE, '--save-keys', str(path), *sim_time)
     listener.probe(process)
-    for key in b'ijijij':
+    for count, key in enumerate(b'ijijij', 1):
         process.type(bytes((key,)))
+        listener.wait_for_keys(count)
         time.sleep(0.1)
-    listener.settle()
     process.type(b'\x03')
     assert process.wait() == 0
     times = [press.time for press in parse_key_script(path.read_text())]
@@ -145,7 +145,7 @@ def test_ctrl_z_tells_the_robot_to_stop(pty_process, listener):
 def test_keys_from_a_pipe_beside_a_terminal_wait_for_who_listens(pty_process, listener):
     process = pty_process(*programs.IN_SHELL, 'printf 24 | "$0" "$@"', *MODULE)
     assert process.wait() == 0
-    listener.settle()
+    listener.settle(2)
     assert listener.keys == ['2', '4']
 
 

@@ -7,7 +7,7 @@ import time
 
 import pytest
 from teleop_keyboard.typed_keys import PASTE_BEGIN, PASTE_END
-from terminals import Stopwatch, wait_until
+from terminals import PATIENCE, Stopwatch, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +21,7 @@ def paste(process, data):
     """Paste as a terminal does, waiting for room until all of it was taken."""
     writer = threading.Thread(target=lambda: write_all(process.master, data), daemon=True)
     writer.start()
-    writer.join(60.0)
+    writer.join(PATIENCE)
     assert not writer.is_alive()
 
 

@@ -3,33 +3,42 @@
 
 import json
 import os
+import re
 import time
 
 import programs
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from terminals import PATIENCE
+from terminals import wait_until
 
 pytestmark = pytest.mark.slow
 
+# The time on the status line.
+CLOCK = re.compile(rb'  (\d+\.\d) s x')
 WASD = ('-m', 'wasd_bringup.cli', 'mbot', '--viewer', 'none', '--report')
 
 
 def test_a_replay_of_a_drive_is_the_drive(pty_process, ros_domain, tmp_path):
     saved, live, again = (tmp_path / name for name in ('drive.keys', 'live.json', 'again.json'))
     process = pty_process(*WASD, str(live), '--save-keys', str(saved))
-    deadline = time.monotonic() + PATIENCE
-    while b'stopped' not in process.output:
-        assert time.monotonic() < deadline, process.output
-        time.sleep(0.05)
-    for key in 'iiiiijjjjéuuqii':
+    process.wait_for(b'stopped')
+    typed = list('iiiiijjjjéuuqii')
+    for key in typed:
         process.type(key.encode())
         time.sleep(0.04)
-    time.sleep(1.5)  # a second of simulated time on a busy machine
+
+    def pressed():
+        return [press.key for press in parse_key_script(saved.read_text())]
+
+    def simulated():
+        return float(CLOCK.findall(process.output)[-1])
+
+    wait_until(lambda: pressed() == typed)
+    until = simulated() + 1.2
+    wait_until(lambda: simulated() >= until)
     process.type(b'\x03')
     assert process.wait() == 0
-    keys = [press.key for press in parse_key_script(saved.read_text())]
-    assert keys == list('iiiiijjjjéuuqii')
+    assert pressed() == typed
     report = json.loads(live.read_text())
     end = report['samples']['t'][-1]
     words = (*WASD[2:], str(again), '--play', str(saved), '--duration', str(end))

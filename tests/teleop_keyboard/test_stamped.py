@@ -67,7 +67,9 @@ def test_stamps_and_ramps_are_simulated_time_and_a_pause_brings_no_burst(
             clock.publish(now)
 
         spin_until(
-            spawn.pump, lambda: teleop.get_clock().now().nanoseconds == nanoseconds, 10.0, publish
+            spawn.pump,
+            lambda: teleop.get_clock().now().nanoseconds == nanoseconds,
+            step=publish,
         )
 
     tick_to(10 * 10**9)

@@ -93,10 +93,11 @@ def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
     assert len(listener.twists) == count
 
     (tmp_path / 'bg').touch()
-    wait_until(lambda: re.search(rb'BEHIND \d+\s', process.output))
+    wait_until(lambda: re.search(rb'BEHIND \d+\r\n', process.output))
     job = re.search(rb'BEHIND (\d+)', process.output)[1].decode()
     process.output = b''
     process.type(b'X\n')
+    wait_until(lambda: process.output.endswith(b'X\r\n'))
     time.sleep(0.5)
     # It neither draws nor reads, which would stop it again: what is typed is the shell's.
     assert process.output == b'X\r\n'
@@ -148,7 +149,7 @@ class Mbot:
         )
         background('mujoco_sim.simulator_node')
         background('diff_drive_sim.diff_drive_controller_node')
-        wait_until(lambda: self.speeds, 60.0)
+        wait_until(lambda: self.speeds)
 
     def drive(self, process):
         """Hold a key until the robot moves, and the listener hears why."""
@@ -159,13 +160,13 @@ class Mbot:
             time.sleep(1 / 30)
             return max(self.speeds[-10:]) > 0.1 and self._listener.twists
 
-        wait_until(drives, 60.0)
+        wait_until(drives)
 
     def stops(self):
         """Wait until the robot stands, and see that it goes on standing."""
-        wait_until(lambda: max(map(abs, self.speeds[-25:])) < 1e-3, 30.0)
+        wait_until(lambda: max(map(abs, self.speeds[-25:])) < 1e-3)
         count = len(self.speeds)
-        wait_until(lambda: len(self.speeds) > count + 50, 30.0)
+        wait_until(lambda: len(self.speeds) > count + 50)
         assert max(map(abs, self.speeds[count:])) < 1e-3
 
 

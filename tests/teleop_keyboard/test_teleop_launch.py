@@ -10,7 +10,7 @@ import pytest
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.twist_messages import from_twist
-from terminals import PATIENCE
+from terminals import PATIENCE, wait_until
 
 PATH = Path(__file__).parents[2] / 'wasd_bringup' / 'launch' / 'teleop.launch.py'
 
@@ -103,17 +103,17 @@ def test_launched_it_reads_keys_and_arrows_and_drives_as_fast_as_it_was_told(
     )
     process = pty_process('-c', LAUNCH, *node.command_line(tmp_path))
     listener.probe(process)
-    process.type(b'\x1b[A')
-    listener.wait_for_keys(1)
-    listener.settle()
-    process.type(b'\x1b[D')
-    listener.wait_for_keys(2)
-    listener.settle()
+    for count, (arrow, part) in enumerate(((b'\x1b[A', 'vx'), (b'\x1b[D', 'wz')), 1):
+        process.type(arrow)
+        listener.wait_for_keys(count)
+        listener.wait_for_twist(lambda velocity, part=part: getattr(velocity, part))
+        wait_until(lambda: listener.stands)
+        listener.settle()
     assert listener.keys == ['UP', 'LEFT']
     velocities = [from_twist(message) for message in listener.twists]
     assert velocities[0] == (float(speed), 0.0, 0.0, 0.0)
     assert set(velocities) == {velocities[0], (0.0, 0.0, 0.0, float(turn)), STANDSTILL}
-    assert b'[teleop-1] keys UP' in process.output
+    process.wait_for(b'[teleop-1] keys UP')
     process.type(b'\x03')
     process.wait()
     deadline = time.monotonic() + PATIENCE

@@ -149,7 +149,7 @@ def test_a_terminal_that_ctrl_z_empties_as_it_is_read_is_neither_waited_for_nor_
         monkeypatch.setattr(select, 'select', emptied)
         read = threading.Thread(target=terminal.read, daemon=True)
         read.start()
-        read.join(5.0)
+        read.join(PATIENCE)
         monkeypatch.undo()
         assert not read.is_alive()
         assert not terminal.closed
