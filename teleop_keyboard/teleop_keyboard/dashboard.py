@@ -51,7 +51,7 @@ def status_line(status: Status, clock: str, width: int) -> str:
     Return all of it in one line no wider than `width` columns.
 
     State and clock are there in every width in which they fit. A message is shortened to what
-    is to be done, then makes facts give way, and only then is cut.
+    is to be done, then makes facts give way, and only then is cut, between words.
     """
     short = brief(status.message)
     fewer = [(status.facts[start:], short) for start in range(len(status.facts) + 1)]
@@ -59,7 +59,7 @@ def status_line(status: Status, clock: str, width: int) -> str:
         line = GAP.join(filter(None, (status.state, *facts, clock, message)))
         if len(line) <= width:
             return line
-    return line[:width]
+    return line[: width + 1].rpartition(' ')[0].rstrip() or line[:width]
 
 
 # What shows all keys; F1, too, where a layout gives `?` to a keymap.

@@ -16,8 +16,11 @@ STATUS = Status('passive', ('now +0.00 m/s', 'full 0.20 m/s'), 'press 2 (w does 
         (70, 'passive  now +0.00 m/s  full 0.20 m/s  12.3 s x1.00  press 2'),
         (50, 'passive  full 0.20 m/s  12.3 s x1.00  press 2'),
         (40, 'passive  12.3 s x1.00  press 2'),
-        (26, 'passive  12.3 s x1.00  pre'),
+        (28, 'passive  12.3 s x1.00  press'),
+        (27, 'passive  12.3 s x1.00'),
         (21, 'passive  12.3 s x1.00'),
+        (20, 'passive  12.3 s'),
+        (5, 'passi'),
         (0, ''),
     ],
 )
