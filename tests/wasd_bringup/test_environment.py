@@ -172,6 +172,29 @@ def test_a_script_that_does_not_close_what_draws_by_osmesa_ends_without_a_word()
     assert (ended.returncode, ended.stderr) == (0, b'')
 
 
+@pytest.mark.skipif(find_library('OSMesa') is None, reason='no OSMesa')
+def test_a_fork_of_a_process_that_has_drawn_by_osmesa_ends_as_it_wants_to():
+    script = '''
+import os, sys
+from wasd.environment import *
+env = Go2Environment(render_mode='rgb_array')
+env.reset()
+env.render()
+child = os.fork()
+if not child:
+    print('bye')
+    sys.exit(3)
+env.render()
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+'''
+    ended = run(
+        (sys.executable, '-c', script),
+        timeout=PATIENCE,
+        env=os.environ | dict.fromkeys(('MUJOCO_GL', 'PYOPENGL_PLATFORM'), 'osmesa'),
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, b'bye\n3\n', b'')
+
+
 def trot(time: float) -> np.ndarray:
     """Return an action of an open-loop trot at 2.5 Hz, which turns a little and goes on."""
     phase = 2.0 * np.pi * (2.5 * time + np.array((0.0, 0.5, 0.5, 0.0)))

@@ -93,6 +93,10 @@ def begin_drawing() -> None:
         raise UserError(
             'a process forked from one that has drawn cannot draw: start it by the method spawn'
         )
+    if not _drawn_in:
+        # OSMesa joins its threads at exit, which a fork has not: it leaves before that.
+        libc = ctypes.CDLL(None)
+        os.register_at_fork(after_in_child=lambda: libc.on_exit(libc._exit, None))
     _drawn_in[:] = [os.getpid()]
 
 
