@@ -41,7 +41,7 @@ class PhysicalRobot(KinematicRobot):
         self._senses = Senses()
         self._senses.on_scan = self._see
         self._seen: tuple[Scan, np.ndarray] | None = None
-        tag = lidar_of(self._unit.description.robot)
+        tag = lidar_of(self._unit)
         listen_to_lidar(self._unit, tag, self._senses, self._tell_odometry)
         if name == 'go2':
             self._script.press('2')

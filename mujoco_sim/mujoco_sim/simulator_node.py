@@ -85,7 +85,6 @@ class SimulatorNode(Node):
             robot = load_robot(self.settings.description, wheels=wheels)
         world = world or self._build_world(robot)
         self.simulation = simulation or Simulation(world, self.settings.speed)
-        self._has_clock = self.simulation.world is world
         self._world = world
         self._root = world.prefix + robot.robot.root
         self._commanded_at = self._commanded_since = 0.0
@@ -94,7 +93,9 @@ class SimulatorNode(Node):
         # Instants that have been published: a step by hand may end where one is due.
         self._clock_tick = self._states_tick = -1
         self._told: list[tuple[Any, Any]] = []  # of the last state
-        self._clock_publisher = self.create_publisher(Clock, '/clock', RELIABLE)
+        # In a world of several robots one tells the time.
+        has_clock = self.simulation.world is world
+        self._clock_publisher = has_clock and self.create_publisher(Clock, '/clock', RELIABLE)
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self.truth = TruthPublisher(self, world, robot.robot)
         self._feet = foot_links(robot)
@@ -114,7 +115,7 @@ class SimulatorNode(Node):
         offer(self, '~/reset', self._on_reset)
         offer(self, '~/pause', self._on_pause, sets=True)
         offer(self, '~/step', self._on_step)
-        self._rivals: list[str] = []  # who commands the motors
+        self._rivals: dict[str, list[str]] = {}  # who publishes on a topic
         self._hoist: Hoist | None = None
         if simulation is None:
             command = self._on_command
@@ -155,14 +156,26 @@ class SimulatorNode(Node):
             schedule.every(schedule.stride * self._world.time_step, self.sensors.step)
 
     def each_second(self) -> None:
-        """Publish diagnostics, and say that several nodes command the motors, once of each set."""
+        """Publish diagnostics, and look for others who command the motors or have a clock."""
         self.publish_diagnostics(self.state)
-        ends = self.get_publishers_info_by_topic('joint_commands')
-        before, self._rivals = self._rivals, sorted(end.node_name for end in ends)
-        if len(ends) > 1 and self._rivals != before:
+        self._look_for_rivals('joint_commands', 'let one of them command the motors')
+        self.look_for_clocks()
+
+    def look_for_clocks(self) -> None:
+        """Say that another simulator of this domain sets the time, too."""
+        if self._clock_publisher:
+            domain = self.context.get_domain_id()
+            cure = f'time jumps; stop one, or give it another ROS_DOMAIN_ID than {domain}'
+            self._look_for_rivals(self._clock_publisher.topic_name, cure)
+
+    def _look_for_rivals(self, topic: str, cure: str) -> None:
+        """Say that several nodes publish on a topic, once of each set of nodes."""
+        names = sorted(end.node_name for end in self.get_publishers_info_by_topic(topic))
+        before, self._rivals[topic] = self._rivals.get(topic), names
+        if len(names) > 1 and names != before:
             self.get_logger().warning(
-                f'joint_commands comes from {", ".join(self._rivals)}: let one of them command '
-                'the motors (a node that was killed counts for 20 s)'
+                f'{topic} comes from {", ".join(names)}: {cure} (a node that was killed counts '
+                'for 20 s)'
             )
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
@@ -218,7 +231,7 @@ class SimulatorNode(Node):
             raise SimulationError(str(error).removeprefix('--')) from None
 
     def _publish_clock(self) -> None:
-        if not self._has_clock or self._clock_tick == self._world.tick:
+        if not self._clock_publisher or self._clock_tick == self._world.tick:
             return
         self._clock_tick = self._world.tick
         if has_listener(self._clock_publisher):

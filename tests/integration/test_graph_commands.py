@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`wasd topics`, `echo`, `hz`, `pub`, `call` and `params` against a robot in another process."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
+import os
 import re
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 import programs
 import pytest
 from rclpy.qos import qos_profile_sensor_data
@@ -113,20 +115,20 @@ def test_topics_waits_for_each_run_that_it_knows_to_be_there(
         other = spawn(rclpy.create_node('of_another_run'))
         time.sleep(4.0)  # the list of that run would have been complete
         other.create_publisher(String, 'late', 1)
-        spawn(rclpy.create_node('drivers'))
+        other.create_publisher(DiagnosticStatus, 'driver', 1)
         spin_until(spawn.pump, lambda: process.poll() is not None)
     assert '/late\n' in process.communicate()[0]
 
 
-def graph_that_sees(domain: int, *names: str, topics: Sequence[str] = ()) -> Any:
-    """Return a graph in a domain with such nodes, by their full names, and topics."""
+def graph_that_sees(domain: int, drivers: Mapping[str, int]) -> Any:
+    """Return a graph in a domain with such topics, each of a process by its number."""
     graph: Any = RosGraph()
     graph.node = SimpleNamespace(
         context=SimpleNamespace(get_domain_id=lambda: domain),
-        get_node_names_and_namespaces=lambda: [
-            (name.rpartition('/')[2], name.rpartition('/')[0] or '/') for name in names
+        get_topic_names_and_types=lambda: [(topic, ['']) for topic in drivers],
+        get_publishers_info_by_topic=lambda topic: [
+            SimpleNamespace(endpoint_gid=[*[drivers[topic]] * 12, *os.urandom(4)])
         ],
-        get_topic_names_and_types=lambda: [(topic, ['']) for topic in topics],
     )
     return graph
 
@@ -134,17 +136,16 @@ def graph_that_sees(domain: int, *names: str, topics: Sequence[str] = ()) -> Any
 def test_two_robots_of_one_run_are_not_taken_for_two_runs(monkeypatch: Any) -> None:
     runs = [Run(3, 0, process) for process in (1, 2)]
     monkeypatch.setattr(ros_graph, 'running', lambda: runs)
-    both, other = ('/go2/drivers', '/mbot/drivers'), '/x/drivers'
-    assert graph_that_sees(3, *both, topics=['/clock'])._is_expecting()
-    seen = graph_that_sees(3, *both, other, topics=['/clock', '/x/clock'])
-    assert not seen._is_expecting()
-    apart = graph_that_sees(3, *both, topics=['/go2/clock', '/mbot/clock'])
-    assert not apart._is_expecting()
+    both = {'/go2/driver': 1, '/mbot/driver': 1}
+    assert graph_that_sees(3, both)._is_expecting()
+    # Three robots, and one that is in a namespace but has the root's clock.
+    assert not graph_that_sees(3, {**both, '/x/driver': 2})._is_expecting()
+    assert not graph_that_sees(3, {'/go2/driver': 1, '/mbot/driver': 2})._is_expecting()
 
 
 def test_a_run_that_is_suspended_is_not_waited_for(isolated_ros: int) -> None:
     hold = f'from wasd_core.network import claim; held = claim({isolated_ros}, ["/"]); input()'
-    graph = graph_that_sees(isolated_ros)
+    graph = graph_that_sees(isolated_ros, {})
     with subprocess.Popen((sys.executable, '-c', hold), stdin=subprocess.PIPE) as process:
         wait_until(graph._is_expecting)
         process.send_signal(signal.SIGSTOP)

@@ -599,11 +599,32 @@ def test_a_field_is_not_behind_by_a_frame_for_each_letter_and_each_end_of_a_pres
     assert seen == 'bcdefgh'  # the first was seen when it came
 
 
-def test_strokes_that_no_frame_sees_do_not_wait_for_ever(page, clock):
+def struck(page: PageInput, clock: Clock, keys: frozenset[int]) -> frozenset[int]:
+    """Tell keys in a picture; return those that the next frame shall see."""
+    clock.now += 0.02
+    page.hear('tab', keys)
+    return page.type(Stroke(keys)).keys - MARK
+
+
+def test_strokes_wait_for_frames_of_panels_that_come_late_and_none_is_lost(page, clock):
     page.set_typing(True)
-    seen = set()
-    for keys in (W, NONE, W, ENTER, *[NONE] * 300):
-        clock.now += 0.02
-        page.hear('tab', keys)
-        seen |= page.type(Stroke(keys)).keys
-    assert seen >= W | ENTER
+    shown = [struck(page, clock, keys) for keys in (W, NONE, ENTER)]
+    for _ in range(300):
+        shown.append(struck(page, clock, NONE))
+    assert shown == [W] * 303
+    later = []
+    for is_marked in (True, False, True):
+        page.see(0, is_marked)
+        later.append(struck(page, clock, NONE))
+    assert later == [NONE, ENTER, NONE]
+
+
+def test_more_strokes_than_a_hand_makes_do_not_gather_and_no_key_stays_down(page, clock):
+    page.set_typing(True)
+    for number in range(500):
+        struck(page, clock, (NONE, W)[number % 2])
+    shown = []
+    for number in range(200):
+        page.see(0, is_marked=number % 2 == 0)
+        shown.append(struck(page, clock, NONE))
+    assert shown == [NONE, W] * 32 + [NONE] * 136

@@ -362,6 +362,22 @@ def test_that_two_controllers_command_the_motors_is_said_once(
     assert capfd.readouterr().err.count('joint_commands comes from another, peer, rival: ') == 1
 
 
+def test_that_another_simulator_sets_the_time_too_is_said_once_with_a_cure(
+    simulator, spawn, loaded, spin_until, capfd, isolated_ros
+):
+    simulator.each_second()
+    worlds = build_shared_world([(f'{each}/', loaded, RobotSetup()) for each in 'ab'])
+    for world in worlds:  # one of them has the clock
+        spawn(SimulatorNode(loaded, world, simulation=Simulation(worlds[0], 1.0)))
+    spin_until(spawn.pump, lambda: simulator.count_publishers('/clock') == 2)
+    assert '/clock' not in capfd.readouterr().err
+    for _ in range(2):
+        simulator.each_second()
+    (line,) = (line for line in capfd.readouterr().err.splitlines() if '/clock' in line)
+    assert '/clock comes from simulator, simulator: time jumps; stop one, ' in line
+    assert f'or give it another ROS_DOMAIN_ID than {isolated_ros} (' in line
+
+
 def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_until):
     simulator.simulation.pacer.speed = 0.05  # even a busy machine keeps up with that
     spin = spawn.pump.handle

@@ -174,7 +174,7 @@ def test_a_script_that_does_not_close_what_draws_by_osmesa_ends_without_a_word()
 
 @pytest.mark.skipif(find_library('OSMesa') is None, reason='no OSMesa')
 def test_a_fork_of_a_process_that_has_drawn_by_osmesa_ends_as_it_wants_to():
-    script = '''
+    script = """
 import os, sys
 from wasd.environment import *
 env = Go2Environment(render_mode='rgb_array')
@@ -186,7 +186,7 @@ if not child:
     sys.exit(3)
 env.render()
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-'''
+"""
     ended = run(
         (sys.executable, '-c', script),
         timeout=PATIENCE,

@@ -6,12 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from robot_description.sensor_tags import why_broken
 from teleop_keyboard.keymap_file import preset_names
 from wasd_bringup.cli import main
 from wasd_bringup.robots import BOTH, RobotRow, ROBOTS, WHEELED
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 from wasd_core.parameter_file import read_mapping
+
+from robot_description import sensor_tags
 
 pytestmark = pytest.mark.slow
 
@@ -108,6 +111,19 @@ def test_a_drives_file_is_read_once(
     assert main([*words.split(), '--viewer', 'none', '--duration', '0.5']) == 0
     assert json.loads(report.read_text())['samples']['command'][-1][0] == 0.2
     assert read == [str(file)]
+
+
+def test_a_robots_sensors_are_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read = []
+
+    def count(kind: str, find: Any) -> str:
+        read.append(kind)
+        return why_broken(kind, find)
+
+    monkeypatch.setattr(sensor_tags, 'why_broken', count)
+    run = Run(RunOptions(robot='mbot', description='mbot', preset='mbot', map='', guard=True))
+    assert len(read) == len(run.robots[0].sensors.tags)
+    run.close()
 
 
 def test_describe_tells_of_robots_too_and_a_file_is_no_command(

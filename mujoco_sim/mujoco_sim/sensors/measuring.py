@@ -48,8 +48,9 @@ class Sensors:
 
     While a picture is rendered, simulated time waits: what is seen does not depend on the
     machine. The noise of a measurement is drawn by seed, sensor and number of the measurement,
-    so it does not depend on who listened before. `notes` are what is not simulated, in words;
-    `frames` those of sensors that are no link: the link, the frame, its pose in the link.
+    so it does not depend on who listened before. `tags` are as they are described, `notes` what is
+    not simulated, in words; `frames` those of sensors that are no link: the link, the frame, its
+    pose in the link.
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class Sensors:
         """
         self._world = world
         found = read_sensor_tags(loaded.robot)
+        self.tags = [tag for tags in found.kinds for tag in tags]
         self.notes = found.notes
         self._site = Site(world, loaded.robot, settings.camera_scale, say)
         self.tune(settings)

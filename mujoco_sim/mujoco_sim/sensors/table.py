@@ -110,8 +110,8 @@ def _why_left_out(reader: TagReader, robot: Robot) -> str:
 
 def has_camera(robot: Robot) -> bool:
     """Return whether a robot needs others, and itself, to be there to be looked at."""
-    pairs = zip(read_sensor_tags(robot).kinds, SENSORS, strict=True)
-    return any(tags and 'Image' in kind.topics.values() for tags, kind in pairs)
+    tags = (tag for gazebo in robot.gazebo for tag in gazebo.findall('sensor'))
+    return any(tag.get('type') in CAMERA_TYPES for tag in tags)
 
 
 def _separate(

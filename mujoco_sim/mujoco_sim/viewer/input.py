@@ -107,7 +107,6 @@ class PageInput:
         self._clicks = Clicks()
         self._mouse = IDLE  # as it was told last
         self._strokes = Strokes(MARK, ACTS)
-        self._since = 0.0  # between the last two pictures [s]
         self.turns = Turns(clock)
         self._silence = 0.0  # the longest that a button is down since before [s]
         self.has_clicked = False  # until a frame of panels was begun for it
@@ -194,7 +193,7 @@ class PageInput:
         with self._lock:
             if not self._is_typing and not self._strokes.is_changing_page:
                 return self._strokes.skip(told)
-            return self._strokes.show(told, self._since)
+            return self._strokes.show(told)
 
     def hear(self, source: object, down: frozenset[int], mouse: Mouse = IDLE) -> Mouse:
         """
@@ -217,7 +216,7 @@ class PageInput:
             if is_new and not mouse.buttons:
                 self._clicks.change_page()
             now = self._clock()
-            self._since = since = now - self._pictures[-1] if self._pictures else 0.0
+            since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
             waits = self._is_typing and not self._strokes.is_seen
             shown = self._clicks.show(mouse, since, waits)

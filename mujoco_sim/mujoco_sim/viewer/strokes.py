@@ -3,8 +3,8 @@
 
 from typing import NamedTuple
 
-# So many strokes wait for frames of panels, and a frame has so long to see one [s].
-MOST_STROKES, STROKE_PATIENCE = 64, 1.0
+# So many strokes wait for frames of panels at most; what is typed beyond is for no field.
+MOST_STROKES = 64
 # A text that waits grows no longer [characters]: a packet has room for 256, some of which are two.
 MOST_TYPED = 100
 
@@ -34,7 +34,6 @@ class Strokes:
         """
         self._mark, self._acts = mark, acts
         self._is_marked = self._seen = False
-        self._age = 0.0
         self._shown = self._before = self._told = frozenset[int]()
         self._waiting: list[Stroke] = []
         self._left = frozenset[int]()  # down for the panels when a page was lost
@@ -73,30 +72,29 @@ class Strokes:
         self._shown = self._before = self._told = told.keys
         return self._marked(told)
 
-    def show(self, told: Stroke, dt: float) -> Stroke:
+    def show(self, told: Stroke) -> Stroke:
         """
-        Take a stroke, `dt` [s] after the last one; return what is to be seen now.
+        Take a stroke; return what is to be seen now.
 
         A text that comes with a press of one of `acts` was typed before it.
         """
-        self._age += dt
+        has_room = len(self._waiting) < MOST_STROKES
         new, last = told.keys - self._told, self._waiting[-1] if self._waiting else Stroke()
         if last.text and len(last.text + told.text) <= MOST_TYPED and not new & self._acts:
             # More text, or the end of a press, is seen in the same frame.
             if told.text or not new:
                 self._waiting[-1] = Stroke(told.keys, last.text + told.text)
                 self._told, told = told.keys, Stroke(told.keys)
-        elif told.text and new & self._acts:
+        elif has_room and told.text and new & self._acts:
             self._waiting.append(Stroke(self._told, told.text))
             told = Stroke(told.keys)
-        if told.text or told.keys != self._told:
+        if has_room and (told.text or told.keys != self._told):
             self._waiting.append(told)
             self._told = told.keys
-        is_late = self._age > STROKE_PATIENCE or len(self._waiting) > MOST_STROKES
-        if not self._waiting or (self._seen != self._is_marked and not is_late):
+        if not self._waiting or self._seen != self._is_marked:
             return self._marked(Stroke(self._shown))
         stroke = self._waiting.pop(0)
-        self._is_marked, self._age = not self._is_marked, 0.0
+        self._is_marked = not self._is_marked
         self._before, self._shown = self._shown, stroke.keys
         self.is_changing_page &= bool(self._waiting)
         return self._marked(stroke)

@@ -255,8 +255,9 @@ class RosFaces(Face):
         self._of(robot).schedule_sensing(schedule)
 
     def each_second(self) -> None:
-        """Publish how the controllers do."""
+        """Publish how the controllers do, and look for other simulators."""
         for face in self.faces:
+            face.simulator.look_for_clocks()
             face.simulator.publish_diagnostics(face.robot.state, face.robot.ticks)
 
     def handle(self, timeout: float) -> None:

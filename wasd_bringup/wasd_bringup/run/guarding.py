@@ -27,7 +27,7 @@ class RobotGuard:
     def __init__(self, robot: Robot) -> None:
         # First: who has no controller to limit is not told to add a lidar.
         robot.hold_back(self._limit)
-        tag = lidar_of(robot.description.robot, '--guard')
+        tag = lidar_of(robot, '--guard')
         size = {'robot_radius': 0.0, 'footprint_length': 0.0, 'footprint_width': 0.0}
         footprint = footprint_of(*(size | size_of(robot)).values())
         warm_up(footprint)

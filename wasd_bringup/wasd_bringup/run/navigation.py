@@ -64,7 +64,7 @@ class NavigationDriver:
         # Revisions of map and ground, time, number and map.
         self._pictured: tuple[tuple[int, int], float, int, Grid] | None = None
         self.on_step: list[Callable[[float, float], None]] = []
-        tag = lidar_of(robot.description.robot)
+        tag = lidar_of(robot)
         self.given = _settings(robot)
         inform = logging.getLogger('wasd.navigator').info
         self.unit = RobotNavigator(NavigatorParameters().changed(self.given), inform=inform)

@@ -7,9 +7,7 @@ from typing import Any
 
 from mujoco_sim.robot_parts import outline_of
 from mujoco_sim.sensors.lidar import LidarTag
-from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
-from robot_description.robot import Robot as RobotTree
 from wasd_core.errors import UserError
 from wasd_navigation.guard_parameters import GuardParameters
 from wasd_navigation.planning.motion import HARD
@@ -33,17 +31,16 @@ SENSOR_NEEDED = (
 )
 
 
-def lidar_of(robot: RobotTree, option: str = '--map') -> LidarTag:
+def lidar_of(robot: Robot, option: str = '--map') -> LidarTag:
     """
     Return the lidar to map with: the one that publishes `scan`, or else the first.
 
     Raises:
         UserError: there is none, which the `option` needs.
     """
-    tags = [tag for kind in read_sensor_tags(robot).kinds for tag in kind]
-    lidars = [tag for tag in tags if isinstance(tag, LidarTag)]
+    lidars = [tag for tag in robot.sensors.tags if isinstance(tag, LidarTag)]
     if not lidars:
-        raise UserError(SENSOR_NEEDED.format(option=option, robot=robot.name))
+        raise UserError(SENSOR_NEEDED.format(option=option, robot=robot.description.robot.name))
     return next((tag for tag in lidars if tag.topic == SCAN), lidars[0])
 
 

@@ -25,7 +25,7 @@ MOTORS = 'LowCmd'
 def idle_guard(robot: Go2) -> RobotGuard | None:
     """Return a guard that does nothing until it is switched on; None where there is no lidar."""
     try:
-        lidar_of(robot.description.robot, '')
+        lidar_of(robot, '')
     except UserError:
         return None
     guard = RobotGuard(robot)

@@ -109,19 +109,16 @@ class RosGraph:
         """
         Whether a run in this domain has not been seen yet.
 
-        Each has a node `drivers` and a clock in its namespace; the two robots of one run, which
-        have namespaces, too, share the root's clock.
+        Each robot has a topic `driver`; those of one run have one process, and so the first 12
+        bytes of all that is told of their publishers.
         """
         node = self.node
         domain = node.context.get_domain_id()
         here = [run for run in running() if run.domain == domain]
         runs = {run.process for run in here if not run.is_suspended}
-        topics = dict(node.get_topic_names_and_types())
-        places = [
-            place for name, place in node.get_node_names_and_namespaces() if name == 'drivers'
-        ]
-        shares = (1.0 if place == '/' or f'{place}/clock' in topics else 0.5 for place in places)
-        return sum(shares) < len(runs)
+        names = [name for name, _ in node.get_topic_names_and_types() if name.endswith('/driver')]
+        ends = [end for name in names for end in node.get_publishers_info_by_topic(name)]
+        return len({bytes(end.endpoint_gid[:12]) for end in ends}) < len(runs)
 
     def topics(self) -> dict[str, list[str]]:
         """Return the types of every topic that is not hidden, by name, once they are known."""
