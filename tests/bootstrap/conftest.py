@@ -11,12 +11,12 @@ import sys
 import time
 
 import pytest
+from terminals import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
 TOOLS = (
     'cat cksum dirname find flock ls mkdir mv readlink rm sed sh sleep tail uname touch ln chmod'
 )
-DEADLINE = 20.0  # a shell step takes milliseconds; the rest is for a busy machine [s]
 
 # Answers what `./wasd` asks of a Python, and notes each question in $FAKE/calls. The version
 # question runs for real, in a Python that first runs the file `looks` beside it.
@@ -35,7 +35,7 @@ exec(code)" "$3" "$(readlink -f "$0").looks" ;;
     mkdir -p "$folder/bin" && ln -s "$(readlink -f "$0")" "$folder/bin/python" ;;
   *'-m quadruped_sim')
     trap 'sleep 0.2; exit 1' TERM
-    echo $$ >"$FAKE/compiling"
+    echo $$ >"$FAKE/compiling.new"; mv "$FAKE/compiling.new" "$FAKE/compiling"
     while [ -e "$FAKE/slow-compiler" ]; do sleep 0.02; done ;;
   *compileall*) [ ! -e "$FAKE/unwritable" ] || { echo 'no room'; exit 1; } ;;
   *build_interfaces) [ ! -e "$FAKE/no-compiler" ] || { echo 'error: no compiler' >&2; exit 2; } ;;
@@ -172,7 +172,7 @@ class Checkout:
 
     def finish(self, process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
         """Wait for the end of a start and return what came out of it."""
-        output, errors = process.communicate(timeout=DEADLINE)
+        output, errors = process.communicate(timeout=PATIENCE)
         return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
 
     def stop_while_installing(self, number: signal.Signals) -> subprocess.CompletedProcess[str]:
@@ -197,7 +197,7 @@ class Checkout:
 
     def wait_for(self, path: Path) -> None:
         """Return once `path` exists."""
-        end = time.monotonic() + DEADLINE
+        end = time.monotonic() + PATIENCE
         while not path.exists():
             assert time.monotonic() < end, f'{path} did not appear'
             time.sleep(0.01)

@@ -4,12 +4,14 @@
 import os
 from pathlib import Path
 import pty
+import re
 import select
 import shutil
 import signal
 import subprocess
 
 import pytest
+from terminals import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -54,23 +56,23 @@ def test_on_a_terminal_one_line_says_where_the_install_is(checkout):
     master, slave = pty.openpty()
     process = checkout.start('mbot', terminal=slave)
     os.close(slave)
-    text = read_until(master, '2 s, something')
+    text = read_until(master, ' s, something', times=2)
     (checkout.fake / 'slow').unlink()
     text += read_until(master, 'argument: mbot')
-    process.wait(20.0)
+    process.wait(PATIENCE)
     os.close(master)
-    before, _, after = text.partition('wasd: 1 s, something')
+    before, after = re.split(r'wasd: \d+ s, something', text, maxsplit=1)
     # It is written over, and gone when the next line comes.
     assert '\n' not in after.partition('wasd: compiling')[0]
     assert before.endswith('\r\x1b[K')
     assert text.partition('wasd: compiling')[0].endswith('\r\x1b[K')
 
 
-def read_until(master: int, words: str) -> str:
-    """Return what is written on a terminal until `words` have come."""
+def read_until(master: int, words: str, times: int = 1) -> str:
+    """Return what is written on a terminal until `words` have come, so many times."""
     text = ''
-    while words not in text:
-        assert select.select([master], [], [], 20.0)[0], text
+    while text.count(words) < times:
+        assert select.select([master], [], [], PATIENCE)[0], text
         text += os.read(master, 4096).decode()
     return text
 
