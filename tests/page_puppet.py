@@ -85,7 +85,7 @@ class PagePuppet:
         rate: float = 50.0,
         session: str = 'puppet',
         size: tuple[int, int] = SIZE,
-        patience: float = 0.0,
+        patience: float = PATIENCE,
     ) -> None:
         self.size, self._patience = size, patience
         self._text = ''
@@ -280,7 +280,7 @@ class PagePuppet:
 
 def main() -> None:
     """Hold keys on a page until the end."""
-    with PagePuppet(sys.argv[1], float(sys.argv[2]), patience=PATIENCE) as page:
+    with PagePuppet(sys.argv[1], float(sys.argv[2])) as page:
         page.draw()
         page.keys = {code(key) for key in sys.argv[3:]}
         print('holding', flush=True)

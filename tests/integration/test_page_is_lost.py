@@ -149,7 +149,7 @@ def lose(way: str, url: str, client: Callable[..., Any], robot: Robot) -> contex
         return not all(is_zero(twist) for _, twist in robot.commands[before:])
 
     if way == 'silent':
-        page = left.enter_context(PagePuppet(url, patience=PATIENCE))
+        page = left.enter_context(PagePuppet(url))
         page.draw()
         page.keys = {page_puppet.code('I')}
         robot.wait_until(has_moved, 'driving')
@@ -172,7 +172,7 @@ def test_a_key_that_is_held_ends_with_its_page(
             lost_at = time.time_ns()
             robot.wait(STOP_TIME + 0.2)
         # Opened again with no key down: nothing moves.
-        with PagePuppet(run.url, patience=PATIENCE):
+        with PagePuppet(run.url):
             robot.wait(0.3)
         assert is_zero(robot.commands[-1][1])
         return robot.last_moved() - robot.time_at(lost_at)
@@ -212,7 +212,7 @@ def test_sticks_of_the_page_are_one_step_a_tap_and_end_with_it(
         wait(0.3)
     wait(STOP_TIME + 0.2)
     # Open again, the page may hold what it likes: it was down when it came.
-    again = PagePuppet(run.url, patience=PATIENCE)
+    again = PagePuppet(run.url)
     again.keys = {page_puppet.code('W')}
     with again:
         wait(0.5)
@@ -241,7 +241,7 @@ def test_a_page_that_only_watches_does_not_stop_a_robot_that_others_drive(
         robot.wait_until(robot.moves, 'driving')
     robot.wait(1.2)
     assert robot.moves()
-    with PagePuppet(run.url, patience=PATIENCE) as page:
+    with PagePuppet(run.url) as page:
         page.draw()
         page.tap('W')
     robot.wait(STOP_TIME)

@@ -478,7 +478,8 @@ def scenario_a_hand_pushes_the_robot_and_lets_it_go(page: Page) -> None:
 
 def scenario_a_spectator_has_no_panels_and_moves_nothing(page: Page) -> None:
     since = page.session.world.time
-    other = PagePuppet(page.url, session='spectator', size=page.puppet.size)
+    size = page.puppet.size
+    other = PagePuppet(page.url, session='spectator', size=size, patience=0.0)
     with pytest.raises(ConnectionClosed, match='4001'), other:
         pass
     with urllib.request.urlopen(f'{page.url}status') as answer:
