@@ -2,13 +2,14 @@
 """The surroundings of the robot: floor, light, walls and terrain."""
 
 from collections.abc import Callable
+import contextlib
 import logging
 import math
 import os
 from pathlib import Path
 import re
 import stat
-from typing import NamedTuple
+from typing import Any, NamedTuple
 import warnings
 from xml.etree import ElementTree
 
@@ -313,14 +314,24 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         # Here, where its mistakes are known to be the file's.
         with warnings.catch_warnings(record=True, action='always') as said:
             surroundings = mujoco.MjSpec.from_file(str(path))
-            surroundings.compile().names.decode()
+            model = surroundings.compile()
+            model.names.decode()
         for warning in said:
             LOGGER.warning('%s: %s', world, ' '.join(str(warning.message).split()))
+        for name in dir(model):
+            # The boxes around shapes are MuJoCo's, not the file's.
+            if not name.startswith('bvh_') and not _is_finite(getattr(model, name)):
+                raise ValueError(f'got NaN or infinity for {name}')
         spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
     except UnicodeDecodeError:  # MuJoCo takes no notice of an encoding that a file declares
         raise SimulationError(f'{world}: a name in it is not UTF-8 text') from None
     except ValueError as error:
         raise SimulationError(f'{world}: {_in_words(one_line(error))}') from None
+
+
+def _is_finite(value: Any) -> bool:
+    is_real = isinstance(value, np.ndarray) and value.dtype.kind == 'f'
+    return not is_real or bool(np.isfinite(value).all())
 
 
 def _in_words(reason: str) -> str:
@@ -331,8 +342,9 @@ def _in_words(reason: str) -> str:
 
 # What a file may have, and its replicate, composite and flexcomp make, one within the other.
 MOST_COPIES = 100_000
-# So many files, and such large ones [B], are looked into for copies.
-MOST_INCLUDED, LARGEST_INCLUDED = 50, 20_000_000
+# Of so many files copies are counted; how large each may be [B], and a height field or a texture.
+MOST_INCLUDED, LARGEST_INCLUDED, MOST_CELLS = 50, 20_000_000, 50_000_000
+SIDES = {'hfield': ('nrow', 'ncol'), 'texture': ('width', 'height')}
 
 
 def _count_copies(path: Path, looked: list[Path]) -> float:
@@ -340,24 +352,37 @@ def _count_copies(path: Path, looked: list[Path]) -> float:
     Return how many copies an MJCF file makes; of one that is no XML MuJoCo tells more.
 
     Raises:
-        SimulationError: it is nested too deep, or no file, on which MuJoCo would wait for ever.
+        SimulationError: it is nested too deep, is too large, or names no file, on which MuJoCo
+            would wait for ever.
     """
     looked.append(path)
     try:
-        about = path.stat()
-        if not stat.S_ISREG(about.st_mode):
-            raise SimulationError(f'{path}: is no file')
-        if about.st_size > LARGEST_INCLUDED:
-            return 1.0
+        size = _check_file(path)
+        if size > LARGEST_INCLUDED:
+            most = LARGEST_INCLUDED / 1e6
+            raise SimulationError(f'{path}: got {size / 1e6:.0f} MB, wanted at most {most:g} MB')
         root = ElementTree.parse(path).getroot()
     except SimulationError:
         raise
     except (ElementTree.ParseError, OSError, ValueError):
         return 1.0
 
+    kinds = ('meshdir', 'texturedir', 'assetdir')
+    folders = {''} | {each.get(kind, '') for each in root.iter('compiler') for kind in kinds}
+
     def copies(element: ElementTree.Element) -> float:
-        if element.tag == 'include' and len(looked) < MOST_INCLUDED:
-            return _count_copies(path.parent / element.get('file', ''), looked)
+        file = element.get('file', '')
+        if file and element.tag in ('include', 'model') and len(looked) < MOST_INCLUDED:
+            return _count_copies(path.parent / file, looked)
+        for folder in folders if file else ():
+            with contextlib.suppress(OSError):  # MuJoCo tells more
+                _check_file(path.parent / folder / file)
+        sides = [element.get(name, '') for name in SIDES.get(element.tag, ())]
+        if all(map(str.isdecimal, sides)) and math.prod(map(float, sides)) > MOST_CELLS:
+            got = ' x '.join(sides)
+            raise SimulationError(
+                f'{path}: {element.tag}: got {got}, wanted at most {MOST_CELLS} cells'
+            )
         own = 1.0
         if element.tag in ('replicate', 'composite', 'flexcomp'):
             for word in element.get('count', '').split():
@@ -368,6 +393,20 @@ def _count_copies(path: Path, looked: list[Path]) -> float:
         return copies(root)
     except RecursionError:
         raise SimulationError(f'{path}: is nested too deep') from None
+
+
+def _check_file(path: Path) -> int:
+    """
+    Return the size of a file [B].
+
+    Raises:
+        SimulationError: it is no file.
+        OSError: it is missing.
+    """
+    about = path.stat()
+    if not stat.S_ISREG(about.st_mode):
+        raise SimulationError(f'{path}: is no file')
+    return about.st_size
 
 
 def add_slope(spec: mujoco.MjSpec, degrees: float, _: np.random.Generator) -> None:

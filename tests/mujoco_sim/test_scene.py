@@ -169,10 +169,24 @@ def test_a_file_that_is_no_model_is_one_line(loaded, tmp_path):
         (3000 * '<body>' + 3000 * '</body>', 'hall.xml: is nested too deep'),
         ('<include file="pipe.xml"/>', 'pipe.xml: is no file'),
         ('<include file="/dev/zero"/>', '/dev/zero: is no file'),
+        ('</worldbody><asset><mesh file="pipe.xml"/></asset><worldbody>', 'pipe.xml: is no file'),
+        (
+            '</worldbody><compiler meshdir="parts"/><asset><mesh file="../pipe.xml"/></asset>'
+            '<worldbody>',
+            'pipe.xml: is no file',
+        ),
+        ('<flexcomp name="cloth" type="mesh" file="pipe.xml"/>', 'pipe.xml: is no file'),
+        ('</worldbody><asset><model file="pipe.xml"/></asset><worldbody>', 'xml: is no file'),
+        (
+            '</worldbody><asset><hfield nrow="60000" ncol="60000"/></asset><worldbody>',
+            'hfield: got 60000 x 60000, wanted at most 50000000 cells',
+        ),
+        (f'<!--{21_000_000 * " "}-->', 'hall.xml: got 21 MB, wanted at most 20 MB'),
     ],
 )
 def test_a_world_that_mujoco_would_never_have_read_is_refused(loaded, tmp_path, body, why):
     os.mkfifo(tmp_path / 'pipe.xml')
+    (tmp_path / 'parts').mkdir()
     path = tmp_path / 'hall.xml'
     path.write_text(f'<mujoco><worldbody>{body}</worldbody></mujoco>')
     with pytest.raises(SimulationError, match=f'{why}$'):
@@ -182,17 +196,44 @@ def test_a_world_that_mujoco_would_never_have_read_is_refused(loaded, tmp_path, 
 REPLICATED = '<replicate count="1000" offset="1 0 0">'
 
 
-@pytest.mark.parametrize('includes', [False, True])
-def test_a_world_that_makes_endless_copies_is_refused_at_once(loaded, tmp_path, includes):
+@pytest.mark.parametrize(
+    'part', ['', '<include file="part.xml"/>', '<asset><model file="part.xml"/></asset>']
+)
+def test_a_world_that_makes_endless_copies_is_refused_at_once(loaded, tmp_path, part):
     body = f'{3 * REPLICATED}<geom size="0.1"/>{3 * "</replicate>"}'
-    if includes:
+    if part:
         (tmp_path / 'part.xml').write_text(f'<mujoco><worldbody>{body}</worldbody></mujoco>')
         body = ''
-    include = '<include file="part.xml"/>' * includes
     world = tmp_path / 'world.xml'
-    world.write_text(f'<mujoco>{include}<worldbody>{body}</worldbody></mujoco>')
+    world.write_text(f'<mujoco>{part}<worldbody>{body}</worldbody></mujoco>')
     with pytest.raises(SimulationError, match='at most 100000 elements and copies, got 100000000'):
         build_world(loaded, str(world))
+
+
+@for_all(
+    ('geom', 'asset', 'name'),
+    [
+        ('type="box" size="1 1 1" pos="inf 0 0"', '', 'geom_pos'),
+        (
+            'type="hfield" hfield="hills"',
+            '<hfield name="hills" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 nan 0"/>',
+            'hfield_data',
+        ),
+    ],
+)
+def test_a_world_of_numbers_that_are_none_is_refused(loaded, tmp_path, geom, asset, name):
+    path = tmp_path / 'hall.xml'
+    body = f'<asset>{asset}</asset><worldbody><geom {geom}/></worldbody>'
+    path.write_text(f'<mujoco>{body}</mujoco>')
+    with pytest.raises(SimulationError, match=f'^{path}: got NaN or infinity for {name}$'):
+        build_world(loaded, str(path))
+
+
+def test_a_world_of_gazebo_is_told_by_its_kind(loaded, tmp_path):
+    path = tmp_path / 'sun.xml'
+    path.write_text('<sdf><world><include><uri>model://sun</uri></include></world></sdf>')
+    with pytest.raises(SimulationError, match=f"^{path}: .*model type: 'sdf'"):
+        build_world(loaded, str(path))
 
 
 def test_a_world_that_is_there_and_no_file_is_not_called_missing(loaded, tmp_path):
