@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 
+from terminals import PATIENCE
 from unitree_sdk2py.comm.motion_switcher.motion_switcher_client import MotionSwitcherClient
 from unitree_sdk2py.core.channel import (
     ChannelFactoryInitialize,
@@ -21,6 +22,7 @@ from unitree_sdk2py.go2.sport import sport_api
 from unitree_sdk2py.go2.sport.sport_client import SportClient
 from unitree_sdk2py.idl.default import unitree_go_msg_dds__LowCmd_
 from unitree_sdk2py.idl.unitree_go.msg.dds_ import LowCmd_, LowState_, SportModeState_
+from unitree_sdk2py.rpc.client_base import ClientBase
 from unitree_sdk2py.utils.crc import CRC
 from unitree_sdk2py.utils.thread import RecurrentThread
 
@@ -63,9 +65,9 @@ def between(a, b, share):
 
 
 def client(kind):
-    """Return a client that waits two seconds for an answer."""
+    """Return a client."""
     made = kind()
-    made.SetTimeout(2.0)
+    made.SetTimeout(PATIENCE)
     made.Init()
     return made
 
@@ -82,7 +84,7 @@ def heights():
 
 def pass_time(heard, seconds, each=lambda: None):
     """Wait for so much simulated time, by what was heard; do something meanwhile, at 20 Hz."""
-    patience = time.monotonic() + 60.0
+    patience = time.monotonic() + PATIENCE
     while not heard and time.monotonic() < patience:
         time.sleep(0.05)
     end = heard[-1][0] + seconds
@@ -95,7 +97,7 @@ def stand_by_motors():
     """Release the sport mode as the SDK's stand example does, then stand by a thread of 2 ms."""
     began = time.monotonic()
     low = LowLevel()
-    low.came.wait(5.0)
+    low.came.wait(PATIENCE)
     discovery = time.monotonic() - began
     sport, switcher, heard = client(SportClient), client(MotionSwitcherClient), heights()
     _, mode = switcher.CheckMode()
@@ -114,7 +116,7 @@ def stand_by_motors():
     thread = RecurrentThread(interval=0.002, target=write, name='write')
     thread.Start()
     begin_of_stand = low.states[-1][0]
-    patience = time.monotonic() + 60.0
+    patience = time.monotonic() + PATIENCE
     while low.states[-1][0] < begin_of_stand + 2200 and time.monotonic() < patience:
         time.sleep(0.05)
     ticks = [tick for tick, _ in low.states]
@@ -190,7 +192,7 @@ def in_sync(ticks=2000):
         low.send(between(aims, measured, 0.05), reserve=state.tick)
 
     low.on_state = answer
-    assert over.wait(120.0)
+    assert over.wait(PATIENCE)
     return {'samples': {tick: q for tick, q in low.states if tick <= 2 * ticks}}
 
 
@@ -199,7 +201,7 @@ def round_trip(seconds=4.0):
     low = LowLevel()
     low.on_state = lambda state: low.send(STANDING, kp=0.0, kd=0.0, reserve=state.tick)
     began = time.monotonic()
-    low.came.wait(5.0)
+    low.came.wait(PATIENCE)
     first = time.monotonic()
     time.sleep(max(0.0, float(seconds) - (first - began)))
     over, ticks = time.monotonic(), [tick for tick, _ in list(low.states)]
@@ -211,9 +213,11 @@ def example(path):
     """
     Run an example of the SDK as it is; the network that it names is not this one.
 
-    It waits seconds after each call for who reads along, which nobody does here.
+    It waits seconds after each call for who reads along, which nobody does here, and three seconds
+    for an answer, which takes a busy machine longer.
     """
-    sleep = time.sleep
+    set_timeout, sleep = ClientBase.SetTimeout, time.sleep
+    ClientBase.SetTimeout = lambda self, seconds: set_timeout(self, max(seconds, PATIENCE))
     time.sleep = lambda seconds: sleep(min(seconds, 0.1))
     sys.path.insert(0, str(Path(path).parent))
     runpy.run_path(path, run_name='__main__')

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from teleop_keyboard.key_script import parse_key_script
+from terminals import PATIENCE
 from wasd_bringup.tools.recording.reader import BagReader
 
 pytestmark = pytest.mark.slow
@@ -174,7 +175,7 @@ def test_pipes_get_the_same_as_files(run: Callable[..., Any], tmp_path: Path) ->
     done = run(NAMES)
     assert (done.returncode, done.stderr) == (0, '')
     for thread in threads:
-        thread.join(10.0)
+        thread.join(PATIENCE)
     for option, data in read.items():
         copy = tmp_path / f'copy_of_{NAMES[option]}'
         copy.write_bytes(data)

@@ -253,11 +253,11 @@ def test_a_second_thread_is_refused_and_may_come_after_the_first(kind):
         with pytest.raises(wasd.UserError, match=f'^{name}: another thread uses this robot'):
             call()
     go_on.set()
-    first.join(30.0)
+    first.join(PATIENCE)
     before = robot.time
     second = threading.Thread(target=robot.run, args=(0.1,))
     second.start()
-    second.join(30.0)
+    second.join(PATIENCE)
     assert robot.time == pytest.approx(before + 0.1)
 
 

@@ -52,7 +52,10 @@ def interrupt_itself(job, note):
 
 
 def interrupt_its_parent(job, note):
-    time.sleep(0.2)  # what is raised in the midst of a fork Python prints, and forgets
+    # What is raised in the midst of a fork Python prints, and forgets: until the parent waits.
+    state = Path(f'/proc/{os.getppid()}/stat')
+    while state.read_text().rpartition(')')[2].split()[0] != 'S':
+        time.sleep(0.01)
     os.kill(os.getppid(), signal.SIGINT)
     time.sleep(60.0)
 

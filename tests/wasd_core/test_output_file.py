@@ -13,6 +13,7 @@ from unittest.mock import Mock
 
 from cases import for_all
 import pytest
+from terminals import PATIENCE
 from wasd_core.errors import attempt_all, UserError
 from wasd_core.output_file import check_apart, OutputError, OutputFile
 
@@ -135,7 +136,7 @@ def test_a_pipe_gets_everything_also_when_its_reader_comes_later(tmp_path):
     thread.start()
     data = os.urandom(1_000_000)
     output(path).write(data)
-    thread.join(10.0)
+    thread.join(PATIENCE)
     assert read == [data]
     assert stat.S_ISFIFO(path.stat().st_mode)
 
