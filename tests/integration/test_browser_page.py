@@ -11,7 +11,7 @@ import urllib.request
 
 import numpy as np
 import pytest
-from terminals import PATIENCE
+from terminals import PATIENCE, wait_until
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
 from page_in_browser import (  # noqa: E402
@@ -19,6 +19,7 @@ from page_in_browser import (  # noqa: E402
     judged_while_alive,
     open_page,
     presses,
+    saved_keys,
     skip_unless_alive,
     wait_for_key,
 )
@@ -160,10 +161,9 @@ def see_a_key_that_is_held_drive_and_end_with_the_browser(browser: Any, saved: P
         wait_for_key(saved, 'i', since=before)
         time.sleep(1.0)
     browser.quit()
-    time.sleep(1.0)
+    wait_until(lambda: presses(saved)[-1] == 'STOP')
+    wait_until(lambda: saved_keys(saved)[-1] == 'RELEASE+i')
     said = saved.read_text()
-    assert said.splitlines()[-1].split()[1] == 'RELEASE+i'
-    assert presses(saved)[-1] == 'STOP'
     time.sleep(1.0)
     assert saved.read_text() == said
 

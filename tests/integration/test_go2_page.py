@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from terminals import PATIENCE
+from terminals import PATIENCE, wait_until
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
 from page_in_browser import (  # noqa: E402
@@ -87,8 +87,7 @@ def see_four_taps_be_four_steps_and_end_with_the_browser(browser: Any, saved: Pa
         # Each is a step of the stick: test_page_is_lost.py looks at what they command.
         assert presses(saved)[before:] == ['2', '4', 'w', 'w', 'w', 'w']
     browser.quit()
-    time.sleep(1.0)
-    assert presses(saved)[-1] == 'SPACE'
+    wait_until(lambda: presses(saved)[-1] == 'SPACE')
 
 
 def test_the_go2_is_seen_standing_up_and_walking_and_a_tap_is_a_step(

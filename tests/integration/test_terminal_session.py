@@ -6,13 +6,13 @@ import itertools
 import json
 import os
 from pathlib import Path
+import re
 import termios
-import time
 from typing import Any
 
 import programs
 import pytest
-from terminals import PATIENCE
+from terminals import PATIENCE, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -34,6 +34,12 @@ sys.exit(main(sys.argv[1:]))
 PIPE = 'trap : INT; (until [ -e key ]; do sleep 0.1; done; printf i) | "$0" "$@"'
 
 
+def simulated(session: Any) -> float:
+    """Return the time on the status line [s]."""
+    session.read(0.01)
+    return float(re.findall(r'  (\d+\.\d) s x', session.shown)[-1])
+
+
 def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says_and_ctrl_c_is_the_way_out(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -42,7 +48,10 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says_and_ctrl_c_is_the_way_
     session.wait_for('stopped')
     held = session.hold('i', 3.0)
     session.read(0.1)
-    time.sleep(1.5)
+    session.shown = ''
+    session.wait_for('stopped')
+    until = simulated(session) + 1.0
+    wait_until(lambda: simulated(session) >= until)
     session.type('\x03')
     assert session.end() == 0
     assert termios.tcgetattr(session.slave) == session.before
