@@ -12,6 +12,7 @@ import pytest
 from wasd_core.messages import from_odometry
 from wasd_core.rotations import Pose
 from wasd_core.topics import tf_message_type
+from wasd_navigation.messages import take_fixed_frames
 from wasd_navigation.records import Ranges
 
 pytestmark = pytest.mark.slow
@@ -99,7 +100,7 @@ def test_a_frame_that_is_no_number_is_ignored(rig):
     place = TransformStamped(child_frame_id='laser')
     place.header.frame_id = 'base'
     place.transform.translation.x = math.nan
-    rig.node._on_fixed_frames(tf_message_type()(transforms=[place]))
+    take_fixed_frames(tf_message_type()(transforms=[place]), rig.navigation.senses)
     assert rig.navigation.senses.mount_of('laser').position == pytest.approx(LEVEL.position)
 
 

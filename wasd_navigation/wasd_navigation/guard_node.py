@@ -15,19 +15,12 @@ from wasd_core.messages import from_odometry, to_seconds
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import Watchdog
-from wasd_core.topics import (
-    AbsenceWatch,
-    LATCHED,
-    RELIABLE,
-    SENSOR_DATA,
-    tf_message_type,
-    TF_STATIC,
-)
+from wasd_core.topics import AbsenceWatch, LATCHED, RELIABLE, SENSOR_DATA
 from wasd_core.velocity_messages import stamped, to_twist, to_velocity
 
 from wasd_navigation.guard import Guard, GuardSenses, warm_up
 from wasd_navigation.guard_parameters import guard, GuardNodeParameters
-from wasd_navigation.messages import take_fixed_frames, take_scan
+from wasd_navigation.messages import hear_fixed_frames, take_scan
 
 # A command is looked at again so often [s] while it is in force: no longer than this without
 # another one [s], as controllers forget it then.
@@ -70,11 +63,7 @@ class GuardNode(Node):
         self.create_subscription(kind, settings.cmd_vel_in_topic, on_velocity, RELIABLE)
         self.create_subscription(OdometryMessage, 'odom', self._on_odometry, SENSOR_DATA)
         self.create_subscription(LaserScan, settings.scan_topic, self._on_scan, SENSOR_DATA)
-        tf = tf_message_type()
-        if tf is not None:
-            self.create_subscription(
-                tf, '/tf_static', lambda said: take_fixed_frames(said, self.senses), TF_STATIC
-            )
+        hear_fixed_frames(self, self.senses)
         self.create_timer(PERIOD, self.step)
 
     def step(self) -> None:

@@ -14,7 +14,15 @@ from sensor_msgs.msg import LaserScan
 from wasd_core.errors import InvalidMessage
 from wasd_core.messages import to_seconds, to_stamp
 from wasd_core.rotations import Pose
-from wasd_core.topics import has_listener, has_subscriber, LATCHED, RELIABLE, TfBroadcaster
+from wasd_core.topics import (
+    has_listener,
+    has_subscriber,
+    LATCHED,
+    RELIABLE,
+    tf_message_type,
+    TF_STATIC,
+    TfBroadcaster,
+)
 
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import Odometry, PLANAR, read_pose
@@ -44,6 +52,15 @@ def take_scan(message: LaserScan, senses: Senses) -> None:
     """Tell senses a scan."""
     said = Ranges(*(getattr(message, name) for name in Ranges._fields))
     senses.take_scan(to_seconds(message.header.stamp), said, message.header.frame_id)
+
+
+def hear_fixed_frames(node: Node, senses: Senses) -> None:
+    """Tell senses of a node what /tf_static says; without its type there is no such topic."""
+    tf = tf_message_type()
+    if tf is not None:
+        node.create_subscription(
+            tf, '/tf_static', lambda said: take_fixed_frames(said, senses), TF_STATIC
+        )
 
 
 def take_fixed_frames(message: Any, senses: Senses) -> None:

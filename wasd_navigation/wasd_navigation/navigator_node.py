@@ -28,13 +28,11 @@ from wasd_core.topics import (
     PublisherWatch,
     RELIABLE,
     SENSOR_DATA,
-    tf_message_type,
-    TF_STATIC,
 )
 from wasd_core.velocity_messages import stamped, to_twist
 
 from wasd_navigation.actions import FollowWaypoints, NavigateToPose
-from wasd_navigation.messages import from_pose, NavigationPublisher, take_fixed_frames, take_scan
+from wasd_navigation.messages import from_pose, hear_fixed_frames, NavigationPublisher, take_scan
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import read_covariance, to_planar
 from wasd_navigation.parameters import navigator, NavigatorParameters
@@ -124,9 +122,7 @@ class NavigatorNode(Node):
         self.create_subscription(LaserScan, 'scan', self._on_scan, SENSOR_DATA)
         self.create_subscription(String, 'selected', self._on_selected, LATCHED)
         self._mux_watch = PublisherWatch(self, 'selected', self._on_mux_lost)
-        tf = tf_message_type()
-        if tf is not None:
-            self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
+        hear_fixed_frames(self, self.navigation.senses)
         self.create_timer(1.0 / self.settings.control_frequency, self.step)
         self._ticked = math.nan, 0.0  # the node's time, and since when by the wall's [s]
         wall = Clock(clock_type=ClockType.STEADY_TIME)
@@ -183,9 +179,6 @@ class NavigatorNode(Node):
 
     def _on_scan(self, message: LaserScan) -> None:
         take_scan(message, self.navigation.senses)
-
-    def _on_fixed_frames(self, message: Any) -> None:
-        take_fixed_frames(message, self.navigation.senses)
 
     def _on_goal(self, message: PoseStamped, info: dict[str, int]) -> None:
         try:

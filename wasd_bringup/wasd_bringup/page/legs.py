@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped in the cockpit: its states as buttons, the stick by the keys of its sticks."""
 
-import math
-
 import numpy as np
-from quadruped_sim.elevation import Elevation as ElevationMap
 from quadruped_sim.keys import (
     EYES_KEY,
     GAIT_KEYS,
@@ -35,13 +32,10 @@ class LegsView(RobotView):
         super().__init__(robot)
         self._controller = robot.legs.controller
         self.feet = LEGS
-        # Of the map: clouds in it, the last one's time [s]; what the page was shown of it.
-        self._clouds, self._mapped_at = 0, math.inf
-        self._shown: Elevation | None = None
+        self._shown: Elevation | None = None  # of the map
         if robot.elevation.mapper is not None:
             self.no_elevation = ''
             robot.elevation.wanted_by.append(lambda: self.is_looked_at())
-            robot.elevation.on_map.append(self._count_cloud)
 
     def settings(self) -> tuple[Setting, ...]:
         """Return what is chosen."""
@@ -161,14 +155,14 @@ class LegsView(RobotView):
 
     def elevation(self) -> Elevation | None:
         """Return the heights around it, and where its feet are and will be."""
-        controller, mapper = self._controller, self._robot.elevation.mapper
-        odometry, robot = controller.odometry, controller.robot
-        if self._mapped_at > self._robot.world.time:  # none, or from before a reset
+        controller, mapped = self._controller, self._robot.elevation
+        mapper, odometry, robot = mapped.mapper, controller.odometry, controller.robot
+        if mapped.mapped_at > self._robot.world.time:  # none, or from before a reset
             self._shown = None
-        elif mapper and (self._shown is None or self._clouds >= self._shown.number + CLOUDS_EACH):
+        elif mapper and (self._shown is None or mapped.clouds >= self._shown.number + CLOUDS_EACH):
             x, y = mapper.elevation.corner.tolist()
             heights, resolution = mapper.elevation.heights(), mapper.elevation.resolution
-            self._shown = Elevation(self._clouds, heights, resolution, (x, y))
+            self._shown = Elevation(mapped.clouds, heights, resolution, (x, y))
         if self._shown is None or odometry is None or robot is None:
             return None
         x, y, _ = odometry.position.tolist()
@@ -180,6 +174,3 @@ class LegsView(RobotView):
             feet=robot.feet[:, :2].copy(),
             footholds=locomotion.landing[is_landing, :2],
         )
-
-    def _count_cloud(self, elevation: ElevationMap, now: float) -> None:
-        self._clouds, self._mapped_at = self._clouds + 1, now

@@ -16,8 +16,8 @@ class RobotElevation:
     Maps in simulated time while one of those who are `wanted_by` wants it; costs nothing else.
 
     Where the legs begin to want it, it begins anew: how they walk does not depend on who looked
-    before. `on_map` hear of a map with each cloud, with the cloud's time [s]. A robot without a
-    lidar of points never has one.
+    before. `on_map` hear of a map with each cloud, with the cloud's time [s]; `clouds` is their
+    count, `mapped_at` the last one's time. A robot without a lidar of points never has one.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -25,6 +25,7 @@ class RobotElevation:
         self.wanted_by: list[Callable[[], bool]] = []
         self.on_map: list[Callable[[Elevation, float], None]] = []
         self.mapper: ElevationMapper | None = None
+        self.clouds, self.mapped_at = 0, math.inf
         self._is_for_legs, self._since = False, -math.inf  # when that began [s]
         topics = [topic for topic in robot.sensors.topics if topic.kind == 'PointCloud2']
         if topics:
@@ -58,5 +59,6 @@ class RobotElevation:
         mapper = self.mapper
         # One that began before is there only if somebody looked.
         if mapper is not None and now >= self._since and mapper.take_cloud(now, fields['points']):
+            self.clouds, self.mapped_at = self.clouds + 1, now
             for tell in self.on_map:
                 tell(mapper.elevation, now)

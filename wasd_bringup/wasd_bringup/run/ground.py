@@ -21,7 +21,6 @@ class Ground:
         self._robot, self._unit = robot, unit
         self._model = robot.legs.model
         self.judged = Traversability(CLIMB * self._model.scale.of('m'))
-        self._clouds = 0
         robot.elevation.on_map.append(self._take)
         robot.simulation.on_reset.append(self.judged.reset)
         unit.on_reset.append(self.judged.reset)
@@ -31,9 +30,9 @@ class Ground:
         self._unit.use_ground(self.judged if self._robot.legs.controller.eyes else None)
 
     def _take(self, elevation: Elevation, now: float) -> None:
-        state, navigator = self._robot.legs.controller.robot, self._unit.navigator
-        self._clouds += 1
-        is_due = self._clouds % CLOUDS_EACH == 0 and self._robot.legs.controller.eyes
+        controller, navigator = self._robot.legs.controller, self._unit.navigator
+        state = controller.robot
+        is_due = self._robot.elevation.clouds % CLOUDS_EACH == 0 and controller.eyes
         if state is None or not navigator.scans or not is_due:
             return
         cell = elevation.resolution

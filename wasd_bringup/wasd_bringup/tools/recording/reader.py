@@ -169,10 +169,12 @@ def _write_again(writer: Writer, record: McapRecord) -> None:
         writer.add_message(record.channel_id, record.log_time, record.data, record.publish_time)
 
 
+KEYS = 'keys'
+VELOCITIES = 'cmd_vel'
+DESCRIPTION = 'robot_description'
+TRUTH = 'ground_truth/odom'
 # Topics that a replay has to find under their own names.
-RENAMED = ('keys', 'cmd_vel', 'robot_description', 'ground_truth/odom')
-
-
+REPLAYED = (KEYS, VELOCITIES, DESCRIPTION, TRUTH)
 # Options that are recorded as they are; where one is missing, an older recording has the default.
 PLAIN = (
     *('robot', 'description', 'world', 'layout', 'seed', 'lidar', 'interface', 'estimator'),
@@ -247,7 +249,7 @@ def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
     for word in arguments:
         name, rule, _ = word.partition(':=')
         topic = f'/{name.rpartition(":")[2]}'
-        if rule and topic.endswith(tuple(f'/{one}' for one in RENAMED)):
+        if rule and topic.endswith(tuple(f'/{one}' for one in REPLAYED)):
             raise RecordingError(f'recorded with {word}: cannot be driven again')
     return arguments
 
@@ -273,12 +275,6 @@ def _with_absolute_files(ros_arguments: Sequence[str]) -> list[str]:
         elif option in ('-p', '--param') and name.rpartition(':')[2] in FILES:
             words[number] = f'{name}{rule}{_absolute(value)}'
     return words
-
-
-KEYS = 'keys'
-VELOCITIES = 'cmd_vel'
-DESCRIPTION = 'robot_description'
-TRUTH = 'ground_truth/odom'
 
 
 def robot_topics(bag: BagReader, name: str) -> dict[str, str]:
