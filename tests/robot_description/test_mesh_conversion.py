@@ -36,10 +36,12 @@ def cache(tmp_path, monkeypatch) -> Path:
     return tmp_path / 'cache/wasd/meshes'
 
 
-def collada(folder, up='Z_UP', unit='1', nodes=f'<node>{INSTANCE}</node>', more='') -> np.ndarray:
+def collada(
+    folder, up='Z_UP', unit='1', nodes=f'<node>{INSTANCE}</node>', more='', text=COLLADA
+) -> np.ndarray:
     path = folder / 'mesh.dae'
     asset = f'{more}<unit name="u" meter="{unit}"/><up_axis>{up}</up_axis>'
-    path.write_text(COLLADA.format(asset=asset, nodes=nodes))
+    path.write_text(text.format(asset=asset, nodes=nodes))
     mesh = load_mesh(path)
     return mesh.vertices[mesh.faces].reshape(-1, 3)
 
@@ -91,6 +93,20 @@ def test_a_material_that_is_not_there_takes_nothing_away(tmp_path, monkeypatch, 
     bound = f'<bind_material><technique_common>{material}</technique_common></bind_material>'
     nodes = f'<node><instance_geometry url="#g">{bound}</instance_geometry></node>'
     np.testing.assert_allclose(collada(tmp_path, nodes=nodes), POINTS)
+
+
+@pytest.mark.parametrize('semantic', ['NORMAL', 'TEXCOORD'])
+def test_what_only_pictures_need_of_collada_is_not_read(tmp_path, semantic):
+    # Numbers of it that are none, or too few, so take nothing away.
+    place = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    more = f'{place}<input semantic="{semantic}" source="#n" offset="1"/>'
+    names = '<param name="S" type="float"/><param name="T" type="float"/>'
+    numbers = '<float_array id="na" count="9">no numbers</float_array>'
+    accessor = f'<accessor source="#na" count="1" stride="2">{names}</accessor>'
+    looks = f'<source id="n">{numbers}<technique_common>{accessor}</technique_common></source>'
+    text = COLLADA.replace('<vertices', f'{looks}<vertices').replace(place, more)
+    text = text.replace('<p>0 1 2</p>', '<p>0 7 1 8 2 9</p>')
+    np.testing.assert_allclose(collada(tmp_path, text=text), POINTS)
 
 
 @pytest.mark.parametrize('suffix', ['.stl', '.obj', '.ply', '.glb', '.dae'])
