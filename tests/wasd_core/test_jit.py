@@ -20,12 +20,17 @@ import wasd_core
 pytestmark = pytest.mark.slow
 
 KERNELS = """
+import numpy
 from wasd_core.jit import jit
 from kernels.numbers import SIZE
 
 @jit
 def size():
     return SIZE
+
+@jit
+def total():
+    return numpy.ones(SIZE).sum()
 """
 FRESH = """
 from kernels.size import size
@@ -290,6 +295,22 @@ def test_what_is_compiled_loads_nothing_to_compile_with(kernels):
     assert kernels.run(LOADED).splitlines() == ["['numba.np.arraymath', 'scipy.linalg']"]
     # From the cache.
     assert kernels.run(LOADED + COMPILES).splitlines() == ['[]', '0.5']
+
+
+SUMS = """
+import sys
+from kernels.size import total
+parts = [f'numba.np.{name}' for name in ('arraymath', 'arrayobj')]
+print(total(), *total.stats.cache_hits.values(), any(name in sys.modules for name in parts))
+"""
+
+
+def test_what_is_compiled_loads_no_part_of_numba_that_it_calls_compiled(kernels):
+    assert kernels.run(SUMS).split() == ['1.0', 'True']
+    # They come with what is compiled after that.
+    more = 'import numba; print(numba.njit(lambda: numpy.ones((2, 3)).sum())())'
+    said = kernels.run(f'{SUMS}import numpy; {more}\n').split()
+    assert said == ['1.0', '1', 'False', '6.0']
 
 
 NAMES = """

@@ -42,7 +42,7 @@ def _import_numba() -> None:
 
 _import_numba()
 
-from numba.core import caching, codegen  # noqa: E402
+from numba.core import caching, codegen, environment  # noqa: E402
 from numba.core.runtime.nrt import rtsys  # noqa: E402
 
 
@@ -72,6 +72,23 @@ def _defines(module: Any, name: str) -> bool:
 if hasattr(codegen.JitEngine, '_load_defined_symbols'):
     codegen.JitEngine._load_defined_symbols = _remember_module  # type: ignore[method-assign]
     codegen.JitEngine.is_symbol_defined = _is_symbol_defined  # type: ignore[method-assign]
+
+# Functions of numba's own that a cached one calls name their module, which would be imported:
+# numba.np.arraymath, and SciPy with it, for a sum. What is compiled looks at nothing in it.
+if hasattr(environment, '_rebuild_env'):
+    _rebuild_with_module = environment._rebuild_env
+
+    @functools.wraps(_rebuild_with_module)  # by its name it is in the files of the cache
+    def _rebuild_env(module: str, constants: Any, name: str) -> Any:
+        if module in sys.modules or not module.startswith('numba.'):
+            return _rebuild_with_module(module, constants, name)
+        if (rebuilt := environment.lookup_environment(name)) is None:
+            rebuilt = environment.Environment({'__name__': module})
+            rebuilt.consts[:], rebuilt.env_name = constants, name
+            environment.Environment._memo[name] = rebuilt
+        return rebuilt
+
+    environment._rebuild_env = _rebuild_env
 
 # So many states of a package are kept: those of several checkouts, and of several versions.
 MOST_KEPT = 8
