@@ -231,6 +231,7 @@ def test_hz_measures_the_rate_until_ctrl_c(robot: Any, ask: Ask) -> None:
     process = robot.start('hz', '/odom', stdout=subprocess.PIPE)
     form = r'average rate: ([\d.]+)\n\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: \d+\n'
     rates: list[float] = []
+    deadline = time.monotonic() + PATIENCE
     try:
         # 50 Hz of a robot at a quarter of its speed.
         while pytest.approx(12.5, rel=0.3) not in rates:
@@ -239,7 +240,7 @@ def test_hz_measures_the_rate_until_ctrl_c(robot: Any, ask: Ask) -> None:
             assert found, told
             rates.append(float(found[1]))
             # On a busy machine a run makes up for what it was late with.
-            assert len(rates) < 15, rates
+            assert time.monotonic() < deadline, rates
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 0
     finally:
@@ -249,12 +250,14 @@ def test_hz_measures_the_rate_until_ctrl_c(robot: Any, ask: Ask) -> None:
 
 def test_call_pauses_the_simulation(ask: Ask) -> None:
     done = ask('call', '/simulator/pause', 'std_srvs/srv/SetBool', '{data: true}')
-    assert done.stdout == (
+    # Without a type: it is looked up; and without the leading slash. Others need it running.
+    go_on = ('call', 'simulator/pause', '{data: false}')
+    wait_until(lambda: "message='running'" in ask(*go_on).stdout)
+    waited = 'waiting for service to become available...\n'  # on a busy machine
+    assert done.stdout.removeprefix(waited) == (
         'requester: making request: std_srvs.srv.SetBool_Request(data=True)\n\n'
         "response:\nstd_srvs.srv.SetBool_Response(success=True, message='paused')\n\n"
     )
-    # Without a type: it is looked up; and without the leading slash.
-    assert "message='running'" in ask('call', 'simulator/pause', '{data: false}').stdout
 
 
 def forward_speed(ask: Ask) -> float:

@@ -157,8 +157,15 @@ class Bench:
                 os.close(terminal)
 
 
+@pytest.fixture(scope='module')
+def compiled() -> None:
+    """Have all compiled: an empty home's nodes take a minute of a processor, or more, for it."""
+    for module in ('quadruped_sim', 'wasd_navigation'):
+        subprocess.run([sys.executable, '-m', module], check=True, capture_output=True)
+
+
 @pytest.fixture
-def bench(spawn, tmp_path) -> Iterator[Bench]:
+def bench(spawn, tmp_path, compiled) -> Iterator[Bench]:
     bench = Bench(spawn, tmp_path)
     yield bench
     bench.close()
