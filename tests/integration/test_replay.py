@@ -10,23 +10,26 @@ from typing import Any
 
 from cases import for_all
 from geometry_msgs.msg import Twist, TwistStamped
+from mcap.reader import make_reader
 from mujoco_sim.boxes import NOWHERE
 from mujoco_sim.parameters import BoxSize
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.cli import main
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.inputs import ScriptedBox
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.worlds import build_worlds
-from wasd_bringup.tools.recording.bag_writer import BagWriter
+from wasd_bringup.tools.recording.bag_writer import BagWriter, new_writer
 from wasd_bringup.tools.recording.reader import (
     BagReader,
     describe_run,
     read_commands,
     recorded_options,
     recorded_ros_arguments,
+    RecordedMessage,
     RecordingError,
 )
 from wasd_bringup.tools.recording.recorder import BagRecorder, full_definition, to_bytes
@@ -368,6 +371,19 @@ def shown(run: Any) -> Iterator[Film]:
     yield film
 
 
+def test_robots_that_are_not_there_are_not_shown_and_joints_without_a_place_are_told(
+    run: Any,
+) -> None:
+    bag = BagReader(run[0].folder / 'run.mcap')
+    ((_, _, world),) = build_worlds(recorded_options(bag.run), visuals=False)
+    joints = to_bytes(JointState(name=['left_wheel_joint']))
+    message = RecordedMessage('/joint_states', 0, joints, 'sensor_msgs/msg/JointState')
+    with pytest.raises(RecordingError, match='/joint_states at 0.00 s: got 0 positions of 1 j'):
+        ReplayView(bag, [world], speed=0.0)._apply(message)
+    other: Any = SimpleNamespace(prefix='go2/', physics=world.physics)
+    assert not ReplayView(bag, [other], speed=0.0)._truths
+
+
 def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
     np.testing.assert_array_equal(shown.places[:250], run[1]['samples']['position'])
 
@@ -446,6 +462,67 @@ def test_what_is_no_recording_is_said_in_one_line(
     assert errors.startswith(f'error: {said}'), errors
     assert len(errors.splitlines()) == 1
     assert errors.count(name) == 1 or name == '.'
+
+
+def write_again(source: Path, to: Path, run: dict[str, str], spoilt: str) -> None:
+    """
+    Write a recording again, of another run; half of each message of a topic is missing.
+
+    Or else, as 'A:B', topic A is called B, and B is left out.
+    """
+    topic, _, name = spoilt.partition(':')
+    whole = make_reader(source.open('rb'))
+    known: Any = whole.get_summary()
+    with to.open('wb') as file:
+        writer = new_writer(file)
+        for one in whole.iter_metadata():
+            writer.add_metadata(one.name, one.metadata | run)
+        for schema in known.schemas.values():
+            writer.register_schema(schema.name, schema.encoding, schema.data)
+        for one in known.channels.values():
+            called = name if name and one.topic == topic else one.topic
+            writer.register_channel(called, one.message_encoding, one.schema_id, one.metadata)
+        for _, channel, message in whole.iter_messages():
+            if channel.topic == name:
+                continue
+            data = message.data[: len(message.data) // (1 + (channel.topic == spoilt))]
+            writer.add_message(message.channel_id, message.log_time, data, message.publish_time)
+        writer.finish()
+
+
+@for_all(
+    ('run_of', 'spoilt', 'said'),
+    [
+        ({'seed': '"abc"'}, '', "seed: got 'abc', wanted a whole number"),
+        ({'seed': '-1'}, '', 'seed must be >= 0'),
+        ({'world': '5'}, '', 'world: got 5, wanted a text'),
+        ({'description': 'null'}, '', 'description: got None, wanted a text'),
+        ({'policy': '5'}, '', 'policy: got 5, wanted a text or None'),
+        ({'layout': '"abcde"'}, '', "layout: got 'abcde', wanted qwerty, azerty, dvorak"),
+        ({'ros_arguments': '[5]'}, '', 'ros_arguments: got [5], wanted a list of texts'),
+        ({'ros_arguments': 'null'}, '', 'ros_arguments: got None, wanted a list of texts'),
+        ({}, '/cmd_vel', 'damaged: /cmd_vel at '),
+        ({}, '/robot_description', 'damaged: /robot_description at '),
+        ({}, '/ground_truth/odom', 'damaged: /ground_truth/odom at '),
+        ({}, '/odom:/cmd_vel', 'damaged: /cmd_vel at 0.00 s is no Twist'),
+    ],
+)
+def test_what_a_whole_recording_has_that_no_run_says_is_told_in_one_line(
+    run: Any,
+    run_of: dict[str, str],
+    spoilt: str,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runner, _ = run
+    write_again(runner.folder / 'run.mcap', runner.folder / 'odd.mcap', run_of, spoilt)
+    monkeypatch.chdir(runner.folder)
+    assert main(['replay', 'odd.mcap', '--drive', '--viewer', 'none']) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith('error: odd.mcap: ')
+    assert said in errors
+    assert len(errors.splitlines()) == 1
 
 
 def test_a_recording_that_breaks_off_is_driven_as_far_as_it_goes(run: Any) -> None:

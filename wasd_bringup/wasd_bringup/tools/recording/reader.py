@@ -4,6 +4,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 import contextlib
 from dataclasses import asdict
+import inspect
 import itertools
 import json
 import os
@@ -19,14 +20,17 @@ from mcap.reader import FOOTER_SIZE, make_reader
 from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
-from mujoco_sim.parameters import Payload, Untold
+from mujoco_sim.parameters import Payload, SimulatorParameters, Untold
 from mujoco_sim.scene import TERRAINS, WORLDS
 from rclpy.serialization import deserialize_message
 from robot_description.packages import DESCRIPTIONS, OTHERS
 from std_msgs.msg import String
+from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap_file import preset_names
+from wasd_core.arguments import check
 from wasd_core.errors import one_line, UserError
 from wasd_core.messages import to_seconds, to_stamp
+from wasd_core.parameters import shown
 from wasd_core.timing import judge_stamp
 from wasd_core.velocity_messages import to_velocity, VELOCITY_TYPES
 
@@ -110,6 +114,19 @@ class BagReader:
                 yield RecordedMessage(channel.topic, message.log_time, message.data, schema.name)
         except Exception as error:
             raise RecordingError(f'{self.path}: damaged ({one_line(error)})') from None
+
+    def read(self, message: RecordedMessage, kind: type) -> Any:
+        """
+        Return a message of a type.
+
+        Raises:
+            RecordingError: it is none.
+        """
+        with contextlib.suppress(RuntimeError, ValueError):  # of rmw; of text that is not UTF-8
+            if message.kind.endswith(f'/{kind.__name__}'):
+                return deserialize_message(message.data, kind)
+        at = f'{message.topic} at {1e-9 * message.time:.2f} s'
+        raise RecordingError(f'{self.path}: damaged: {at} is no {kind.__name__}')
 
 
 def _open(path: Path) -> BinaryIO:
@@ -213,10 +230,17 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
     try:
         known = {name: json.loads(value) for name, value in run.items()}
         controller = known['controller']
+        types = inspect.get_annotations(RunOptions) | {'policy': str | None}
+        for name in (name for name in PLAIN if name in known):
+            check(name, known[name], types[name])
+        SimulatorParameters.checked('seed', known.get('seed', 0))
+        if known.get('layout', LAYOUTS[0]) not in LAYOUTS:
+            raise UserError(f'layout: got {known["layout"]!r}, wanted {", ".join(LAYOUTS)}')
         robot = known['robot']
         preset = '' if robot == BOTH else ROBOTS[robot].preset
         if robot != BOTH and ROBOTS[robot].kind is not WHEELED:
             preset = known.get('preset', preset)  # wheels repeat velocities
+            check('preset', preset, str)
         return RunOptions(
             **{name: known[name] for name in PLAIN if name in known},
             package_path=tuple(map(Path, known['package_path'])),
@@ -226,6 +250,8 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             pushes=tuple(map(parse_push, known['pushes'])),
             boxes=tuple(map(parse_box, known.get('boxes', ()))),
         )
+    except UserError as error:
+        raise RecordingError(f'recorded by another version of wasd ({error})') from None
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f'recorded by another version of wasd ({error!r})') from None
 
@@ -243,9 +269,12 @@ def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
     Return the ROS arguments of a recorded run.
 
     Raises:
-        RecordingError: they give other names to topics, which then cannot be told apart.
+        RecordingError: they are none, or give other names to topics, which then cannot be told
+            apart.
     """
     arguments: list[str] = json.loads(run.get('ros_arguments', '[]'))
+    if not (isinstance(arguments, list) and all(isinstance(word, str) for word in arguments)):
+        raise RecordingError(f'ros_arguments: got {shown(arguments)}, wanted a list of texts')
     for word in arguments:
         name, rule, _ = word.partition(':=')
         topic = f'/{name.rpartition(":")[2]}'
@@ -314,11 +343,11 @@ def read_commands(bag: BagReader) -> tuple[Command, ...]:
     for message in bag.messages([*keys, *velocities, EVENTS]):
         time = 1e-9 * message.time
         if message.topic in velocities:
-            twist = deserialize_message(message.data, VELOCITY_TYPES[message.kind])
+            twist = bag.read(message, VELOCITY_TYPES.get(message.kind, Twist))
             came = Command(time, velocities[message.topic], velocity=to_velocity(twist))
             commands.append(came._replace(age=_age_of(twist, time)))
         else:
-            text = deserialize_message(message.data, String).data
+            text = bag.read(message, String).data
             if message.topic in keys:
                 commands.append(Command(time, keys[message.topic], key=text))
             elif text == 'program':

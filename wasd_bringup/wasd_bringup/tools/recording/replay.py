@@ -59,6 +59,7 @@ class PathComparison:
         Raises:
             RecordingError: there are none.
         """
+        self._bag = bag
         self._recorded: dict[str, list[RecordedMessage]] = {topic: [] for topic in topics.values()}
         for message in bag.messages(topics.values()):
             self._recorded[message.topic].append(message)
@@ -102,7 +103,8 @@ class PathComparison:
         if index >= len(recorded):
             return
         self._next[topic] += 1
-        now, then = (deserialize_message(one, Odometry) for one in (data, recorded[index].data))
+        now = deserialize_message(data, Odometry)
+        then = self._bag.read(recorded[index], Odometry)
         if now == then:
             self._same += 1
             return
@@ -120,6 +122,11 @@ JOINTS = 'joint_states'
 CAMERA = CameraView(distance=2.0, azimuth=130.0, elevation=-20.0)
 
 
+def _worlds_of(topics: Mapping[str, str], worlds: Mapping[str, World]) -> dict[str, World]:
+    """Return the world of each topic, of those of robots that there are."""
+    return {topic: worlds[name] for name, topic in topics.items() if name in worlds}
+
+
 class ReplayView:
     """Moves the robots of some worlds as recorded, at a speed; 0 is as fast as possible."""
 
@@ -135,8 +142,8 @@ class ReplayView:
         self._world = worlds[0]
         self._boxes = BoxPlayer(boxes, self._world.physics.boxes.put)
         by_name = {world.prefix.rstrip('/'): world for world in worlds}
-        self._truths = {topic: by_name[name] for name, topic in robot_topics(bag, TRUTH).items()}
-        self._joints = {topic: by_name[name] for name, topic in robot_topics(bag, JOINTS).items()}
+        self._truths = _worlds_of(robot_topics(bag, TRUTH), by_name)
+        self._joints = _worlds_of(robot_topics(bag, JOINTS), by_name)
         self._shown = bag.start
 
     def open(self, kind: str, port: int) -> str:
@@ -177,15 +184,19 @@ class ReplayView:
 
     def _apply(self, message: RecordedMessage) -> None:
         if message.topic in self._truths:
-            pose = deserialize_message(message.data, Odometry).pose.pose
+            pose = self._bag.read(message, Odometry).pose.pose
             place, turn = pose.position, pose.orientation
             position, orientation = (place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)
             pose_base(self._truths[message.topic], position, orientation)
         elif message.topic == EVENTS:
-            if deserialize_message(message.data, String).data == 'reset':
+            if self._bag.read(message, String).data == 'reset':
                 self._world.reset()  # which removes the boxes
         else:
-            joints = deserialize_message(message.data, JointState)
+            joints = self._bag.read(message, JointState)
+            if len(joints.name) != len(joints.position):
+                at = f'{message.topic} at {1e-9 * message.time:.2f} s'
+                got = f'got {len(joints.position)} positions of {len(joints.name)} joints'
+                raise RecordingError(f'{self._bag.path}: damaged: {at}: {got}')
             pose_joints(self._joints[message.topic], joints.name, joints.position)
 
     def _draw(self) -> None:
@@ -279,7 +290,7 @@ def _descriptions(bag: BagReader) -> dict[str, str]:
     topics = robot_topics(bag, DESCRIPTION)
     for message in bag.messages(topics.values()):
         (namespace,) = (name for name, topic in topics.items() if topic == message.topic)
-        found[namespace] = deserialize_message(message.data, String).data
+        found[namespace] = bag.read(message, String).data
     if not found:
         raise RecordingError(f'{bag.path}: no {DESCRIPTION} in it')
     return found
