@@ -162,6 +162,20 @@ def test_what_is_no_session_is_refused_in_a_line(saved, tmp_path, change) -> Non
     assert '\n' not in str(error.value)
 
 
+@for_all(
+    ('change', 'said'),
+    [
+        (lambda poses: poses.astype(np.float32), r'poses: wanted float64 .* got float32 of'),
+        (lambda poses: poses + 1e300, 'poses: wanted numbers within 1e'),
+    ],
+)
+def test_what_is_wrong_with_numbers_of_a_session_is_said(saved, tmp_path, change, said) -> None:
+    data = arrays(saved)
+    np.savez(tmp_path / 'other.places.npz', **data | {'poses': change(data['poses'])})
+    with pytest.raises(UserError, match=said):
+        load_session(tmp_path / 'other.yaml')
+
+
 def test_what_would_grow_as_it_is_read_is_refused(saved, tmp_path) -> None:
     np.savez_compressed(tmp_path / 'other.places.npz', **arrays(saved))
     with pytest.raises(UserError, match='compressed'):

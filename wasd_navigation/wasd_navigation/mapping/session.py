@@ -142,8 +142,9 @@ def _floats(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) ->
     array = arrays[name]
     fits = array.dtype == np.float64 and array.ndim == len(shape)
     if not fits or any(w not in (-1, g) for w, g in zip(shape, array.shape, strict=True)):
-        raise ValueError(f'{name}: wanted numbers of shape {shape}, got {array.shape}')
+        got = f'{array.dtype} of {array.shape}'
+        raise ValueError(f'{name}: wanted float64 of shape {shape}, got {got}')
     most = FARTHEST if name != 'informations' else 1e12
     if not (np.abs(array) <= most).all():
-        raise ValueError(f'{name}: wanted finite numbers')
+        raise ValueError(f'{name}: wanted numbers within {most:g}')
     return array
