@@ -2,6 +2,7 @@
 """What a navigator is made of by its parameters: what maps or localises, and what drives."""
 
 from collections.abc import Callable
+import functools
 import math
 from pathlib import Path
 from typing import Any
@@ -123,6 +124,7 @@ def warm_up(locator: Locator, pilot: Driver) -> None:
     flood(np.zeros(2, np.int64), np.ones((4, 4), np.float32), 0.5)
 
 
+@functools.cache  # the tour goes to and fro
 def _look(x: float, scale: float) -> Scan:
     """Return what is seen from (x, 0), looking along x, in the room, or a larger one."""
     angles = np.linspace(-math.pi, math.pi, 360)
