@@ -20,6 +20,7 @@ from page_in_browser import (  # noqa: E402
     open_page,
     presses,
     saved_keys,
+    set_page_size,
     skip_unless_alive,
     wait_for_key,
 )
@@ -196,6 +197,18 @@ def test_the_last_of_fingers_and_a_mouse_presses_the_e_stop(
     touch('touchEnd')
     see_a_finger_press_no_more_when_the_one_after_it_has_left(touch, saved, e_stop, scene)
     see_the_newer_of_a_mouse_and_a_finger_press(touch, mouse, saved, e_stop, scene)
+
+
+def test_a_phone_that_is_turned_and_turned_back_shows_the_page_as_large_as_before(
+    run_with_page: Callable[..., Any], browser: Any
+) -> None:
+    run = run_with_page('mbot', '--no-ros')
+    set_page_size(browser, 390, 844, is_phone=True)
+    open_page(browser, run.url, spares=True, is_blind=True)
+    for width, height in ((844, 390), (390, 844)):
+        set_page_size(browser, width, height, is_phone=True)
+        time.sleep(1.5)
+    assert browser.execute_script('return [innerWidth, innerHeight]') == [390, 844]
 
 
 def see_a_finger_press_no_more_when_the_one_after_it_has_left(

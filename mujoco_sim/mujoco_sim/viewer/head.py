@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is ours in the head of Studio's page: it sets right what keys and pointers tell Studio."""
 
-# A phone's pixels are as large as it says: else all is half as large.
+# A phone's pixels are as large as it says: else all is half as large, also when it was turned: it
+# would shrink the page to show the whole width of before, and the page would keep that width.
 #
 # What leaves the page forgets its keys: the repeat of one that is still down is no press.
 #
 # Studio has one pointer for the mouse and all fingers. Only the last that came down moves it, for
 # that one may mean the E-STOP: Studio is told that the one before was let go, and nothing more of
 # it. While several are down, and until none is, the key F24 is down: see SEVERAL of input.py.
-HEAD = b"""<head><meta name="viewport" content="width=device-width, initial-scale=1"><script>{
+HEAD = b"""<head><meta name="viewport"
+  content="width=device-width, initial-scale=1, minimum-scale=1"><script>{
   const down = new Set();
   const forget = () => down.clear();
   for (const leaving of ['blur', 'visibilitychange']) addEventListener(leaving, forget, true);
