@@ -196,12 +196,12 @@ def in_sync(ticks=2000):
     return {'samples': {tick: q for tick, q in low.states if tick <= 2 * ticks}}
 
 
-def round_trip(seconds=4.0):
-    """Answer each LowState at once, with its tick."""
+def round_trip(seconds=4.0, patience=PATIENCE):
+    """Answer each LowState at once, with its tick; wait so long for the first."""
     low = LowLevel()
     low.on_state = lambda state: low.send(STANDING, kp=0.0, kd=0.0, reserve=state.tick)
     began = time.monotonic()
-    low.came.wait(PATIENCE)
+    low.came.wait(float(patience))
     first = time.monotonic()
     time.sleep(max(0.0, float(seconds) - (first - began)))
     over, ticks = time.monotonic(), [tick for tick, _ in list(low.states)]

@@ -230,7 +230,7 @@ def test_nothing_leaves_the_loopback_and_nothing_is_heard_from_outside(hosts):
         with on(here, *sniff, stdin=subprocess.PIPE, **pipe) as sniffer:
             stranger = [sys.executable, PROGRAMS, '0', 'round_trip']
             far = {**os.environ, 'SDK_NETWORK': 'wire1'}
-            outside = on(there, *stranger, '3', env=far, **pipe)
+            outside = on(there, *stranger, '3', '0', env=far, **pipe)  # it hears nothing
             own = on(here, *stranger, '1', **pipe)
             heard = [json.loads(each.communicate()[0].splitlines()[-1]) for each in (outside, own)]
             out, came = map(int, sniffer.communicate('enough')[0].split())
