@@ -105,11 +105,22 @@ def test_a_goal_in_its_own_frames_is_ignored_while_it_searches_for_its_place(rig
 
 
 def test_a_goal_that_is_no_pose_is_ignored_and_said(rig):
+    warned = []
+    rig.node._warn = warned.append  # where nobody looks at a terminal or page, the log has it
     for broken in (PoseStamped(), goal_at(math.nan, 0.0, 0.0)):
         broken.pose.orientation.w = 0.0
         send(rig, broken)
     assert rig.navigator.goal is None
     assert len(rig.said) == 2
+    assert warned == rig.said
+
+
+def test_a_navigator_alone_warns_once_of_a_goal_that_is_none(lone):
+    warned, informed = [], []
+    lone._warn = warned.append
+    lone._log = lone.navigation.say = informed.append
+    lone._on_goal(goal_at(math.nan, 0.0, 0.0), {'source_timestamp': time.time_ns()})
+    assert (len(warned), len(informed)) == (1, 0)
 
 
 @pytest.mark.parametrize('lock', ['e_stop', 'pause_navigation'])

@@ -186,7 +186,7 @@ class NavigatorNode(Node):
                 raise InvalidMessage('it waited while this process stood still')
             self.navigation.go(self.in_map(message))
         except InvalidMessage as error:
-            self.navigation.say(f'goal_pose: {error}: ignored')
+            self._refuse(f'goal_pose: {error}: ignored')
 
     def in_map(self, message: PoseStamped) -> np.ndarray:
         """
@@ -220,7 +220,7 @@ class NavigatorNode(Node):
                 raise InvalidMessage(f'({pose[0]:.2f}, {pose[1]:.2f}) is outside the map')
             start(pose, read_covariance(np.array(message.pose.covariance).reshape(6, 6)))
         except InvalidMessage as error:
-            self.navigation.say(f'initialpose: {error}: ignored')
+            self._refuse(f'initialpose: {error}: ignored')
 
     def _on_lock(self, lock: str, message: Bool) -> None:
         self.navigation.lock(lock, message.data)
@@ -271,6 +271,12 @@ class NavigatorNode(Node):
 
     def _log(self, words: str) -> None:
         self.get_logger().info(visible(words))
+
+    def _refuse(self, words: str) -> None:
+        """Tell the driver, if there is one, and the log."""
+        if self.navigation.say != self._log:
+            self.navigation.say(words)
+        self._warn(words)
 
     def _warn(self, words: str) -> None:
         self.get_logger().warning(visible(words), throttle_duration_sec=5.0)
