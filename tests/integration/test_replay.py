@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`wasd replay`: a recording is shown as it was, and driven again to the same bits."""
 
+from collections import Counter
 from collections.abc import Iterator
 import os
 from pathlib import Path
@@ -468,7 +469,8 @@ def write_again(source: Path, to: Path, run: dict[str, str], spoilt: str) -> Non
     """
     Write a recording again, of another run; half of each message of a topic is missing.
 
-    Or else, as 'A:B', topic A is called B, and B is left out.
+    Or else, as 'A:B', topic A is called B, and B is left out; as 'A:late', the last message of A
+    comes centuries later.
     """
     topic, _, name = spoilt.partition(':')
     whole = make_reader(source.open('rb'))
@@ -480,13 +482,18 @@ def write_again(source: Path, to: Path, run: dict[str, str], spoilt: str) -> Non
         for schema in known.schemas.values():
             writer.register_schema(schema.name, schema.encoding, schema.data)
         for one in known.channels.values():
-            called = name if name and one.topic == topic else one.topic
+            called = name if name[:1] == '/' and one.topic == topic else one.topic
             writer.register_channel(called, one.message_encoding, one.schema_id, one.metadata)
+        counts = Counter(channel.topic for _, channel, _ in whole.iter_messages())
         for _, channel, message in whole.iter_messages():
             if channel.topic == name:
                 continue
             data = message.data[: len(message.data) // (1 + (channel.topic == spoilt))]
-            writer.add_message(message.channel_id, message.log_time, data, message.publish_time)
+            time = message.log_time
+            if name == 'late' and channel.topic == topic:
+                counts[topic] -= 1
+                time = time if counts[topic] else 2**63
+            writer.add_message(message.channel_id, time, data, message.publish_time)
         writer.finish()
 
 
@@ -505,6 +512,7 @@ def write_again(source: Path, to: Path, run: dict[str, str], spoilt: str) -> Non
         ({}, '/robot_description', 'damaged: /robot_description at '),
         ({}, '/ground_truth/odom', 'damaged: /ground_truth/odom at '),
         ({}, '/odom:/cmd_vel', 'damaged: /cmd_vel at 0.00 s is no Twist'),
+        ({}, '/ground_truth/odom:late', 'damaged: no pose from 5 s to 9223372037 s'),
     ],
 )
 def test_what_a_whole_recording_has_that_no_run_says_is_told_in_one_line(

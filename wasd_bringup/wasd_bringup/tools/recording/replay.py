@@ -44,6 +44,8 @@ from wasd_bringup.tools.recording.reader import (
 )
 from wasd_bringup.tools.recording.recorder import EVENTS, PublisherTap
 
+LONGEST_GAP = 3_600_000_000_000  # of a recording's poses [ns]
+
 
 class PathComparison:
     """
@@ -57,11 +59,16 @@ class PathComparison:
         Read the recorded poses of all robots and begin to listen; `topics` by namespace.
 
         Raises:
-            RecordingError: there are none.
+            RecordingError: there are none, or a time without any is too long.
         """
         self._bag = bag
         self._recorded: dict[str, list[RecordedMessage]] = {topic: [] for topic in topics.values()}
+        last = bag.start
         for message in bag.messages(topics.values()):
+            if message.time - last > LONGEST_GAP:
+                gap = f'no pose from {1e-9 * last:.0f} s to {1e-9 * message.time:.0f} s'
+                raise RecordingError(f'{bag.path}: damaged: {gap}')
+            last = message.time
             self._recorded[message.topic].append(message)
         self.count = sum(map(len, self._recorded.values()))
         if not self.count:
