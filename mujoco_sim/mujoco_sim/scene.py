@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The surroundings of the robot: floor, light, walls and terrain."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import contextlib
+import itertools
 import logging
 import math
 import os
 from pathlib import Path
 import re
 import stat
+import struct
 from typing import Any, NamedTuple
 import warnings
 from xml.etree import ElementTree
@@ -320,7 +322,7 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
             LOGGER.warning('%s: %s', world, ' '.join(str(warning.message).split()))
         for name in dir(model):
             # The boxes around shapes are MuJoCo's, not the file's.
-            if not name.startswith('bvh_') and not _is_finite(getattr(model, name)):
+            if not name.startswith('bvh_') and not _is_sound(name, getattr(model, name)):
                 raise ValueError(f'got NaN or infinity for {name}')
         spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
     except UnicodeDecodeError:  # MuJoCo takes no notice of an encoding that a file declares
@@ -329,9 +331,12 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         raise SimulationError(f'{world}: {_in_words(one_line(error))}') from None
 
 
-def _is_finite(value: Any) -> bool:
-    is_real = isinstance(value, np.ndarray) and value.dtype.kind == 'f'
-    return not is_real or bool(np.isfinite(value).all())
+def _is_sound(name: str, value: Any) -> bool:
+    if not isinstance(value, np.ndarray) or value.dtype.kind != 'f':
+        return True
+    # A range without an end is a legal one.
+    wrong = np.isnan(value) if name.endswith(('range', 'cutoff')) else ~np.isfinite(value)
+    return not wrong.any()
 
 
 def _in_words(reason: str) -> str:
@@ -374,15 +379,14 @@ def _count_copies(path: Path, looked: list[Path]) -> float:
         file = element.get('file', '')
         if file and element.tag in ('include', 'model') and len(looked) < MOST_INCLUDED:
             return _count_copies(path.parent / file, looked)
-        for folder in folders if file else ():
+        # A cube's texture has six: fileup, filedown ...
+        files = [each for name, each in element.items() if name.startswith('file') and each]
+        for folder, each in itertools.product(folders, files):
             with contextlib.suppress(OSError):  # MuJoCo tells more
-                _check_file(path.parent / folder / file)
+                _check_picture(path.parent / folder / each)
         sides = [element.get(name, '') for name in SIDES.get(element.tag, ())]
-        if all(map(str.isdecimal, sides)) and math.prod(map(float, sides)) > MOST_CELLS:
-            got = ' x '.join(sides)
-            raise SimulationError(
-                f'{path}: {element.tag}: got {got}, wanted at most {MOST_CELLS} cells'
-            )
+        if all(map(str.isdecimal, sides)):
+            _check_cells(f'{path}: {element.tag}', sides)
         own = 1.0
         if element.tag in ('replicate', 'composite', 'flexcomp'):
             for word in element.get('count', '').split():
@@ -393,6 +397,21 @@ def _count_copies(path: Path, looked: list[Path]) -> float:
         return copies(root)
     except RecursionError:
         raise SimulationError(f'{path}: is nested too deep') from None
+
+
+def _check_cells(what: str, sides: Sequence[float | str]) -> None:
+    if math.prod(map(float, sides)) > MOST_CELLS:
+        got = ' x '.join(map(str, sides))
+        raise SimulationError(f'{what}: got {got}, wanted at most {MOST_CELLS} cells')
+
+
+def _check_picture(path: Path) -> None:
+    """Refuse a file that is none, and a PNG that unpacks to too much; see `_check_file`."""
+    _check_file(path)
+    with path.open('rb') as file:
+        head = file.read(24)
+    if head[12:16] == b'IHDR' and len(head) == 24:
+        _check_cells(f'{path}', struct.unpack('>II', head[16:]))
 
 
 def _check_file(path: Path) -> int:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import os
+import struct
 
 from cases import for_all
 import mujoco
@@ -181,11 +182,21 @@ def test_a_file_that_is_no_model_is_one_line(loaded, tmp_path):
             '</worldbody><asset><hfield nrow="60000" ncol="60000"/></asset><worldbody>',
             'hfield: got 60000 x 60000, wanted at most 50000000 cells',
         ),
+        (
+            '</worldbody><asset><hfield file="large.png" size="1 1 1 1"/></asset><worldbody>',
+            'large.png: got 60000 x 60000, wanted at most 50000000 cells',
+        ),
+        (
+            '</worldbody><asset><texture type="cube" fileup="large.png"/></asset><worldbody>',
+            'large.png: got 60000 x 60000, wanted at most 50000000 cells',
+        ),
         (f'<!--{21_000_000 * " "}-->', 'hall.xml: got 21 MB, wanted at most 20 MB'),
     ],
 )
 def test_a_world_that_mujoco_would_never_have_read_is_refused(loaded, tmp_path, body, why):
     os.mkfifo(tmp_path / 'pipe.xml')
+    head = b'\x89PNG\r\n\x1a\n' + struct.pack('>I4sII', 13, b'IHDR', 60000, 60000)
+    (tmp_path / 'large.png').write_bytes(head)
     (tmp_path / 'parts').mkdir()
     path = tmp_path / 'hall.xml'
     path.write_text(f'<mujoco><worldbody>{body}</worldbody></mujoco>')
@@ -214,6 +225,7 @@ def test_a_world_that_makes_endless_copies_is_refused_at_once(loaded, tmp_path, 
     ('geom', 'asset', 'name'),
     [
         ('type="box" size="1 1 1" pos="inf 0 0"', '', 'geom_pos'),
+        ('size="1"/><light range="nan"', '', 'light_range'),
         (
             'type="hfield" hfield="hills"',
             '<hfield name="hills" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 nan 0"/>',
@@ -227,6 +239,26 @@ def test_a_world_of_numbers_that_are_none_is_refused(loaded, tmp_path, geom, ass
     path.write_text(f'<mujoco>{body}</mujoco>')
     with pytest.raises(SimulationError, match=f'^{path}: got NaN or infinity for {name}$'):
         build_world(loaded, str(path))
+
+
+@for_all(
+    ('joint', 'more'),
+    [
+        ('range="-inf inf"', ''),
+        ('limited="true" range="-1 inf" actuatorfrcrange="-inf inf"', ''),
+        ('', '<actuator><motor joint="j" ctrlrange="-inf inf" forcerange="-inf inf"/></actuator>'),
+        ('', '<tendon><fixed range="-inf inf"><joint joint="j" coef="1"/></fixed></tendon>'),
+        ('', '<sensor><jointpos joint="j" cutoff="inf"/></sensor>'),
+    ],
+)
+def test_a_world_of_ranges_without_end_is_taken(loaded, tmp_path, joint, more):
+    path = tmp_path / 'hall.xml'
+    floor = '<geom type="plane" size="0 0 1"/>'
+    door = f'<body pos="9 0 1"><joint name="j" {joint}/><geom size="0.1"/></body>'
+    path.write_text(f'<mujoco><worldbody>{floor}{door}</worldbody>{more}</mujoco>')
+    world = build_world(loaded, str(path))
+    world.step(20)
+    assert np.isfinite(world.data.qpos).all()
 
 
 def test_a_world_of_gazebo_is_told_by_its_kind(loaded, tmp_path):
