@@ -8,6 +8,7 @@ import threading
 import time
 from typing import ClassVar
 
+from builtin_interfaces.msg import Time
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import DescribeParameters
@@ -15,6 +16,7 @@ import rclpy
 from rclpy.event_handler import EventHandler
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from terminals import PATIENCE
 from wasd_core.errors import UserError
@@ -26,6 +28,8 @@ from wasd_core.signals import StopSignals
 from wasd_core import node as node_support
 
 pytestmark = pytest.mark.slow
+
+SIM_TIME = Parameter('use_sim_time', value=True)
 
 
 class Arm(Parameters):
@@ -303,6 +307,25 @@ def test_what_one_of_two_sets_of_a_node_refuses_changes_nothing_of_the_other(spa
         asked = [Parameter(name, value=value) for name, value in changes.items()]
         assert not node.set_parameters_atomically(asked).successful
     assert node.changes == other == []
+
+
+def test_a_clock_below_zero_is_told_and_ends_no_node(spawn, spin_until, capfd):
+    node, peer = spawn(Node('driver', parameter_overrides=[SIM_TIME])), spawn(Node('peer'))
+    clock, said = peer.create_publisher(Clock, '/clock', 1), []
+
+    def tell(second):
+        clock.publish(Clock(clock=Time(sec=second)))
+        said.append(capfd.readouterr().err)
+
+    spin_until(spawn.pump, lambda: 'clock' in ''.join(said), step=lambda: tell(-5))
+    assert '/clock: Seconds value must not be negative: ignored' in ''.join(said)
+    said.clear()
+    for _ in range(5):
+        tell(-5)
+        spawn.pump.handle(0.01)
+    assert 'clock' not in ''.join(said)  # for 5 s once is enough
+    now = node.get_clock().now
+    spin_until(spawn.pump, lambda: now().nanoseconds == 7 * 10**9, step=lambda: tell(7))
 
 
 def test_the_pump_handles_what_is_there_and_returns(spawn, spin_until):

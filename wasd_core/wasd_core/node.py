@@ -24,6 +24,7 @@ from rclpy.executors import (
 import rclpy.logging
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.time_source import CLOCK_TOPIC
 from rclpy.waitable import NumberOfEntities
 
 from wasd_core.errors import Stopped, UserError
@@ -48,6 +49,7 @@ NodeType = TypeVar('NodeType', bound=Any)
 SPIN_PERIOD = 0.05
 # What a process has open.
 OPEN_FILES = ('/dev/fd/', '/proc/self/fd/')
+CLOCK_LOGGER = rclpy.logging.get_logger('clock')
 
 
 @contextlib.contextmanager
@@ -318,6 +320,14 @@ def _held(things: Sequence[Any]) -> Iterator[None]:
             thing.__exit__(None, None, None)
 
 
+def _is_of_clock(error: BaseException, entity: Any) -> bool:
+    """Return whether an error is rclpy's on a time below 0, which anybody can send; tell of it."""
+    if not isinstance(error, ValueError) or getattr(entity, 'topic_name', '') != CLOCK_TOPIC:
+        return False
+    CLOCK_LOGGER.warning(f'{CLOCK_TOPIC}: {error}: ignored', throttle_duration_sec=5.0)
+    return True
+
+
 class MessagePump(SingleThreadedExecutor):
     """
     An executor for a loop with other work: handles the present messages and returns.
@@ -410,7 +420,7 @@ class MessagePump(SingleThreadedExecutor):
             handled.add(entity)
             handler()
             error = handler.exception()
-            if error is not None:
+            if error is not None and not _is_of_clock(error, entity):
                 raise error
             timeout = 0.0
 
