@@ -7,7 +7,7 @@ themselves share one process instead, one after the other: `run_wasd`.
 """
 
 import atexit
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import contextlib
 import functools
 import json
@@ -68,6 +68,17 @@ def run_wasd(
     return subprocess.CompletedProcess(words, answer['status'], answer['said'], answer['errors'])
 
 
+def run_wasd_together(
+    commands: Iterable[Sequence[str]], folder: Path, environment: dict[str, str]
+) -> 'list[subprocess.CompletedProcess[str]]':
+    """Run `wasd` with each of several words, all at the same time; return what they said."""
+    commands = [list(words) for words in commands]
+    words = (sys.executable, __file__, json.dumps(commands))
+    done = run(words, 300.0, cwd=folder, env=environment, check=True, text=True)
+    answers = zip(commands, json.loads(done.stdout), strict=True)
+    return [subprocess.CompletedProcess(words, *answer) for words, answer in answers]
+
+
 @functools.cache
 def _server() -> 'subprocess.Popen[str]':
     pipe = subprocess.PIPE
@@ -97,6 +108,38 @@ def serve(requests: Any, answers: Any) -> None:
         answers.flush()
 
 
+def fork_for_each(commands: Sequence[Sequence[str]]) -> list[tuple[int, str, str]]:
+    """Run each in a fork of this process, which has loaded what they need; return their ends."""
+    from wasd_bringup.cli import main
+    import wasd_bringup.tools.graph.commands  # noqa: F401
+
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    with contextlib.ExitStack() as stack:
+        started = []
+        for words in commands:
+            files = [stack.enter_context(tempfile.TemporaryFile()) for _ in range(2)]
+            pid = os.fork()
+            if not pid:
+                for number, file in enumerate(files, 1):
+                    os.dup2(file.fileno(), number)
+                status = _status_of(main, words)
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os._exit(status)
+            started.append((pid, *files))
+        ends = []
+        for pid, said, errors in started:
+            status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+            ends.append((status, *(_text_of(file) for file in (said, errors))))
+        return ends
+
+
+def _text_of(file: Any) -> str:
+    file.seek(0)
+    text: bytes = file.read()
+    return text.decode(errors='replace')
+
+
 def _status_of(main: Any, words: list[str]) -> int:
     try:
         return int(main(words))
@@ -119,11 +162,11 @@ def _heard() -> Any:
         finally:
             sys.stdout.flush()
             sys.stderr.flush()
-            for name, file in (('said', said), ('errors', errors)):
-                file.seek(0)
-                heard[name] = file.read().decode(errors='replace')
+            heard |= {'said': _text_of(said), 'errors': _text_of(errors)}
 
 
-if __name__ == '__main__':
+if __name__ == '__main__' and len(sys.argv) > 1:
+    print(json.dumps(fork_for_each(json.loads(sys.argv[1]))))
+elif __name__ == '__main__':
     # Their own descriptors: 0, 1 and 2 belong to the runs.
     serve(os.fdopen(os.dup(0)), os.fdopen(os.dup(1), 'w'))

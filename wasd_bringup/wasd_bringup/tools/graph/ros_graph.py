@@ -100,10 +100,10 @@ class RosGraph:
             self.spin()
 
     def _seen(self) -> tuple[int, int, int]:
-        """Return how many nodes, topics and services are known."""
+        """Return how many nodes, topics and services are known that other commands do not have."""
         node = self.node
         kinds = node.get_topic_names_and_types(), node.get_service_names_and_types()
-        return len(node.get_node_names()), len(kinds[0]), len(kinds[1])
+        return len(self._nodes()), len(_visible(kinds[0])), len(_visible(kinds[1]))
 
     def _is_expecting(self) -> bool:
         """
