@@ -3,7 +3,6 @@
 
 from collections.abc import Callable
 import json
-from operator import itemgetter
 from pathlib import Path
 import time
 from typing import Any
@@ -103,8 +102,11 @@ def test_a_page_that_draws_slowly_is_sent_fewer_states_than_one_that_draws_fast(
     # So slow a run has time to spare on a busy machine, too: the page alone sets the pace.
     run = run_with_page('mbot', '--no-ros', '--speed', '0.1')
     open_page(browser, run.url, is_blind=True)
-    fast_pictures, fast = max((counted() for _ in range(4)), key=itemgetter(1))
-    if fast < 3.0 * FAST_ENOUGH:
+    for _ in range(4):
+        fast_pictures, fast = counted()
+        if fast >= 3.0 * FAST_ENOUGH:
+            break
+    else:
         pytest.skip(f'a fast page is sent {fast} states in 3 s here: as few as a slow one')
     browser.execute_script("""
         const draw = window.requestAnimationFrame.bind(window);
