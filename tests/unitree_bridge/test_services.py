@@ -140,7 +140,6 @@ def test_who_wants_no_answer_gets_none(standing):
 
 MEANINGLESS = (
     *('{"x": NaN, "y": 0, "z": 0}', '{"x": 1e999, "y": 0, "z": 0}', '{"x": "1"}', '[]', '7'),
-    *('{"x": true, "y": 0, "z": 0}', '{"x": 0, "y": 0, "z": false}'),
     *('{', '[' * 100_000, '{"x": ' + '9' * 400 + ', "y": 0, "z": 0}', '{}', 'null'),
 )
 

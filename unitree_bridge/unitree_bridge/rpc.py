@@ -109,9 +109,7 @@ def _read_parameter(text: str) -> Parameters:
 def number(parameters: Parameters, name: str) -> float:
     """Return a finite number of a request, or raise Refused."""
     value = parameters.get(name)
-    if not isinstance(value, (int, float)) or isinstance(value, bool):
-        raise Refused(BAD_PARAMETER)
-    if not abs(value) <= sys.float_info.max:
+    if not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
         raise Refused(BAD_PARAMETER)
     return float(value)
 
