@@ -16,6 +16,7 @@ from typing import Any
 import expansions
 import pytest
 from terminals import PATIENCE
+from wasd_core.shared_memory import FIRST_PORT, PORTS_OF_DOMAIN
 
 pytest_plugins = ['hanging']
 
@@ -78,25 +79,35 @@ def pytest_collection_finish() -> None:
 
 # Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's. Two test runs on
 # one machine keep apart with a part each: WASD_TEST_DOMAINS=1-50 for one, 51-100 for the other.
-_ALL_DOMAINS = os.environ.get('WASD_TEST_DOMAINS', '1-100')
-
-
-def _domains_of_worker(worker: int, workers: int, all_domains: str = _ALL_DOMAINS) -> range:
-    """Return the ROS domains of one of several workers: no two share one."""
-    first, _, last = all_domains.partition('-')
-    return range(int(first) + worker, int(last or first) + 1, workers)
-
-
+_FIRST, _, _LAST = os.environ.get('WASD_TEST_DOMAINS', '1-100').partition('-')
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
-_DOMAINS = _domains_of_worker(_WORKER, int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')))
-# In turn, so that what a test left behind is long gone when its domain comes again.
-_next_domain = itertools.cycle(_DOMAINS)
+_WORKERS = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
+# No two workers share one.
+_DOMAINS = range(int(_FIRST) + _WORKER, int(_LAST or _FIRST) + 1, _WORKERS)
 
 
-@pytest.fixture
-def domains_of_worker() -> Callable[..., range]:
-    """Return `domains_of_worker(worker, workers, all_domains)`."""
-    return _domains_of_worker
+def _is_free(domain: int) -> bool:
+    """Whether no participant on this machine is in a ROS domain: each has a port of it."""
+    first = FIRST_PORT + PORTS_OF_DOMAIN * domain
+    lines = Path('/proc/net/udp').read_text().splitlines()[1:]
+    ports = (int(line.split()[1].rpartition(':')[2], 16) for line in lines)
+    return not any(first <= port < first + PORTS_OF_DOMAIN for port in ports)
+
+
+def _free_domains() -> Iterator[int]:
+    """
+    Yield this worker's domains in turn, but for those in which somebody still is.
+
+    A node whose start has failed stays until its garbage is collected: in this process, or in the
+    one that runs of `wasd` share.
+    """
+    turn = itertools.cycle(_DOMAINS)
+    while True:
+        some = list(itertools.islice(turn, len(_DOMAINS)))
+        yield from filter(_is_free, some) if any(map(_is_free, some)) else some
+
+
+_next_domain = _free_domains()
 
 
 @pytest.fixture(scope='session')
@@ -116,6 +127,8 @@ def isolated_ros(monkeypatch: pytest.MonkeyPatch, log_directory: Path) -> int:
     """Keep to a ROS domain that no other test and no robot nearby uses; return its number."""
     domain = next(_next_domain)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    # Benchmarks choose theirs among these.
+    monkeypatch.setenv('WASD_TEST_DOMAINS', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(log_directory))
     # Whatever starts the tests: a terminal of theirs knows escape sequences.

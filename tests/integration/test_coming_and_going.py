@@ -12,10 +12,9 @@ BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
 
 
 @pytest.fixture
-def benchmarks(monkeypatch: pytest.MonkeyPatch, isolated_ros: int) -> None:
-    """Have the benchmark's modules to import, and its processes in this test's domain."""
+def benchmarks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the benchmark's modules to import."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    monkeypatch.setenv('WASD_TEST_DOMAINS', str(isolated_ros))
 
 
 def test_programs_started_and_stopped_leave_nothing(benchmarks: Any) -> None:

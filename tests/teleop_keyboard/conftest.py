@@ -4,7 +4,6 @@
 import os
 import pty
 import select
-import socket
 import subprocess
 import sys
 import termios
@@ -131,23 +130,10 @@ def pty_process():
         process.close()
 
 
-def is_free(domain):
-    """Whether no participant on this machine has the first port of a ROS domain."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('', 7410 + 250 * domain))
-        except OSError:
-            return False
-    return True
-
-
 @pytest.fixture
-def ros_domain(monkeypatch, ros_domains):
+def ros_domain(isolated_ros):
     """Return the number of a ROS domain that nobody else uses; children inherit it."""
-    domain = next(domain for domain in ros_domains if is_free(domain))
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    return domain
+    return isolated_ros
 
 
 @pytest.fixture

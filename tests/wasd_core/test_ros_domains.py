@@ -7,6 +7,8 @@ import sys
 
 from cases import for_all
 import pytest
+import rclpy
+from rclpy.node import Node
 from wasd_core.network import claim, claim_domain, join_domain, namespaces_of, running, SOCKETS
 
 # Ahead of what ROS has, so that nothing real is in the way.
@@ -201,3 +203,18 @@ def test_who_joins_keeps_a_domain_of_the_users():
 )
 def test_namespaces_are_read_from_ros_arguments(arguments, namespaces):
     assert namespaces_of(arguments) == namespaces
+
+
+def test_no_test_gets_a_domain_that_somebody_still_is_in(isolated_ros, ros_domains):
+    given = {next(ros_domains) for _ in range(100)}
+    if len(given) == 1:
+        pytest.skip('there is one domain only: WASD_TEST_DOMAINS')
+    assert isolated_ros in given
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=isolated_ros)
+    node = Node('left_behind', context=context)
+    try:
+        assert isolated_ros not in {next(ros_domains) for _ in range(100)}
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
