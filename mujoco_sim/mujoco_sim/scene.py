@@ -1,19 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The surroundings of the robot: floor, light, walls and terrain."""
 
-from collections.abc import Callable, Sequence
-import contextlib
-import itertools
+from collections.abc import Callable
 import logging
 import math
-import os
-from pathlib import Path
-import re
-import stat
-import struct
-from typing import Any, NamedTuple
-import warnings
-from xml.etree import ElementTree
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -22,7 +13,6 @@ from wasd_core.errors import one_line, SimulationError, UserError
 from wasd_core.robot_io import TIME_STEP
 
 from mujoco_sim.flats import make_flat, make_office
-from mujoco_sim.parameters import WORLD_KINDS, WORLD_NAMES
 
 LOGGER = logging.getLogger(__name__)
 ROOM_SIZE = 6.0
@@ -114,7 +104,13 @@ def add_scene(
         _flat(spec)
         TERRAINS[name].build(spec, *_sizes(world), np.random.default_rng(seed))
     else:
-        _attach_file(spec, world)
+        # Here, because few worlds are files.
+        from wasd_core.map_picture import is_plan
+
+        from mujoco_sim.world_file import attach_world_file
+
+        add = add_floor_plan if is_plan(world) else attach_world_file
+        add(spec, world)
 
 
 def _sizes(world: str) -> list[float]:
@@ -275,157 +271,6 @@ def lead_sun(spec: mujoco.MjSpec, body: str) -> None:
     if sun is not None:
         spec.delete(sun)
         _add_sun(spec.body(body)).mode = mujoco.mjtCamLight.mjCAMLIGHT_TRACK
-
-
-# MuJoCo tells the kind of a file by its ending.
-WORLD_FILES = ('.xml', '.urdf')
-
-
-def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
-    # Here, because few worlds are files.
-    from wasd_core.map_picture import is_plan, yaml_beside
-
-    if is_plan(world):
-        add_floor_plan(spec, world)
-        return
-    path = Path(world)
-    try:
-        mode = os.stat(path).st_mode
-    except (FileNotFoundError, NotADirectoryError):
-        raise SimulationError(
-            f'--world {world}: no such file, and no world of that name; '
-            f'worlds: {WORLD_NAMES}, {WORLD_KINDS}{yaml_beside(world)}'
-        ) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise SimulationError(f'--world {world}: {one_line(error)}') from None
-    if not stat.S_ISREG(mode):
-        found = 'a folder' if stat.S_ISDIR(mode) else 'a device or pipe'
-        raise SimulationError(f'--world {world}: is {found}, wanted a file')
-    if path.suffix.lower() not in WORLD_FILES:
-        raise SimulationError(
-            f'--world {world}: wanted an MJCF or URDF file, whose name ends in '
-            + ' or '.join(WORLD_FILES)
-            + ', or a floor plan: FILE.yaml, or PICTURE,METRES_PER_PIXEL as in plan.png,0.05'
-            + yaml_beside(world)
-        )
-    copies = _count_copies(path, [])
-    if copies > MOST_COPIES:
-        wanted = f'wanted at most {MOST_COPIES} elements and copies'
-        raise SimulationError(f'{world}: {wanted}, got {copies:.0f}')
-    try:
-        # Here, where its mistakes are known to be the file's.
-        with warnings.catch_warnings(record=True, action='always') as said:
-            surroundings = mujoco.MjSpec.from_file(str(path))
-            model = surroundings.compile()
-            model.names.decode()
-        for warning in said:
-            LOGGER.warning('%s: %s', world, ' '.join(str(warning.message).split()))
-        for name in dir(model):
-            # The boxes around shapes are MuJoCo's, not the file's.
-            if not name.startswith('bvh_') and not _is_sound(name, getattr(model, name)):
-                raise ValueError(f'got NaN or infinity for {name}')
-        spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
-    except UnicodeDecodeError:  # MuJoCo takes no notice of an encoding that a file declares
-        raise SimulationError(f'{world}: a name in it is not UTF-8 text') from None
-    except ValueError as error:
-        raise SimulationError(f'{world}: {_in_words(one_line(error))}') from None
-
-
-def _is_sound(name: str, value: Any) -> bool:
-    if not isinstance(value, np.ndarray) or value.dtype.kind != 'f':
-        return True
-    # A range without an end is a legal one.
-    wrong = np.isnan(value) if name.endswith(('range', 'cutoff')) else ~np.isfinite(value)
-    return not wrong.any()
-
-
-def _in_words(reason: str) -> str:
-    """Return what MuJoCo says of a file, the codes of its XML reader in words."""
-    words, broken = 'not well-formed XML in UTF-8, line', r"XML parse error .*?number=(\d+)[^']*"
-    return re.sub(broken, lambda found: f'{words} {max(1, int(found[1]))}', reason)
-
-
-# What a file may have, and its replicate, composite and flexcomp make, one within the other.
-MOST_COPIES = 100_000
-# Of so many files copies are counted; how large each may be [B], and a height field or a texture.
-MOST_INCLUDED, LARGEST_INCLUDED, MOST_CELLS = 50, 20_000_000, 50_000_000
-SIDES = {'hfield': ('nrow', 'ncol'), 'texture': ('width', 'height')}
-
-
-def _count_copies(path: Path, looked: list[Path]) -> float:
-    """
-    Return how many copies an MJCF file makes; of one that is no XML MuJoCo tells more.
-
-    Raises:
-        SimulationError: it is nested too deep, is too large, or names no file, on which MuJoCo
-            would wait for ever.
-    """
-    looked.append(path)
-    try:
-        size = _check_file(path)
-        if size > LARGEST_INCLUDED:
-            most = LARGEST_INCLUDED / 1e6
-            raise SimulationError(f'{path}: got {size / 1e6:.0f} MB, wanted at most {most:g} MB')
-        root = ElementTree.parse(path).getroot()
-    except SimulationError:
-        raise
-    except (ElementTree.ParseError, OSError, ValueError):
-        return 1.0
-
-    kinds = ('meshdir', 'texturedir', 'assetdir')
-    folders = {''} | {each.get(kind, '') for each in root.iter('compiler') for kind in kinds}
-
-    def copies(element: ElementTree.Element) -> float:
-        file = element.get('file', '')
-        if file and element.tag in ('include', 'model') and len(looked) < MOST_INCLUDED:
-            return _count_copies(path.parent / file, looked)
-        # A cube's texture has six: fileup, filedown ...
-        files = [each for name, each in element.items() if name.startswith('file') and each]
-        for folder, each in itertools.product(folders, files):
-            with contextlib.suppress(OSError):  # MuJoCo tells more
-                _check_picture(path.parent / folder / each)
-        sides = [element.get(name, '') for name in SIDES.get(element.tag, ())]
-        if all(map(str.isdecimal, sides)):
-            _check_cells(f'{path}: {element.tag}', sides)
-        own = 1.0
-        if element.tag in ('replicate', 'composite', 'flexcomp'):
-            for word in element.get('count', '').split():
-                own *= float(word) if word.isdecimal() else 1.0
-        return own * max(1.0, sum(map(copies, element)))
-
-    try:
-        return copies(root)
-    except RecursionError:
-        raise SimulationError(f'{path}: is nested too deep') from None
-
-
-def _check_cells(what: str, sides: Sequence[float | str]) -> None:
-    if math.prod(map(float, sides)) > MOST_CELLS:
-        got = ' x '.join(map(str, sides))
-        raise SimulationError(f'{what}: got {got}, wanted at most {MOST_CELLS} cells')
-
-
-def _check_picture(path: Path) -> None:
-    """Refuse a file that is none, and a PNG that unpacks to too much; see `_check_file`."""
-    _check_file(path)
-    with path.open('rb') as file:
-        head = file.read(24)
-    if head[12:16] == b'IHDR' and len(head) == 24:
-        _check_cells(f'{path}', struct.unpack('>II', head[16:]))
-
-
-def _check_file(path: Path) -> int:
-    """
-    Return the size of a file [B].
-
-    Raises:
-        SimulationError: it is no file.
-        OSError: it is missing.
-    """
-    about = path.stat()
-    if not stat.S_ISREG(about.st_mode):
-        raise SimulationError(f'{path}: is no file')
-    return about.st_size
 
 
 def add_slope(spec: mujoco.MjSpec, degrees: float, _: np.random.Generator) -> None:
