@@ -163,6 +163,23 @@ def test_a_run_that_was_interrupted_in_the_midst_of_a_step_goes_on():
     assert dog.truth.position[2] > 0.25
 
 
+def test_what_a_run_calls_cannot_run_the_robot_and_the_next_run_can():
+    import wasd
+
+    car = wasd.Mbot()
+    before = signal.signal(signal.SIGALRM, lambda *_: car.run(0.1))
+    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    try:
+        with pytest.raises(wasd.UserError, match='run: it is running: what it calls cannot'):
+            car.run(200.0)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    start = car.time
+    car.run(0.1)
+    assert car.time - start == pytest.approx(0.1)
+
+
 def test_the_go2_walks_one_foot_after_the_other():
     import wasd
 

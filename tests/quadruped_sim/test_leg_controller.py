@@ -616,3 +616,20 @@ def test_reset_forgets_the_ground(controller, run):
     legs.ground.flat['gradient'], legs.ground.flat['height'], legs.step_height.flat[0] = 0.1, 1, 1
     controller.reset()
     assert (legs.ground.slope, legs.ground.height, legs.step_height.roughness) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'said'),
+    [
+        ('joints', ('FL_hip_joint',) * 12, 'joints: FL_calf_joint is missing, another is there'),
+        ('ranges', ((-1.0, 1.0),), 'ranges: got '),
+        ('ranges', ((-1.0, float('nan')),) * 3, 'ranges: got '),
+        ('ranges', 'wide', "ranges: got 'wide', wanted "),
+    ],
+)
+def test_joints_and_ranges_of_a_walker_are_those_of_a_robot(
+    model, walker, monkeypatch, name, value, said
+):
+    monkeypatch.setattr(walker, name, value, raising=False)
+    with pytest.raises(UserError, match=f'^policy: {said}'):
+        LegController(model, estimator='truth', walker=walker)

@@ -79,7 +79,7 @@ class Robot:
         schedule.every(stride, robot.sensors.step, robot.sensors.rest)
         self._distance = robot.camera.distance
         self._window: Any = None
-        self._lock = threading.RLock()
+        self._lock, self._is_running = threading.RLock(), False
 
     def __reduce__(self) -> Any:
         """Refuse to be copied or pickled: half of it would belong to the first."""
@@ -114,15 +114,21 @@ class Robot:
         if not 0.0 <= seconds <= LONGEST_RUN:
             raise UserError(f'run: got {seconds} s, wanted a time >= 0 and <= {LONGEST_RUN:g}')
         with self._alone('run'):
+            if self._is_running:
+                raise UserError('run: it is running: what it calls cannot let time pass')
             wanted = seconds / self._world.time_step + self._part_of_a_step
             steps = round(wanted)
             self._part_of_a_step = wanted - steps
             end = self._world.tick + steps
-            self._simulation.run(
-                stop=lambda: self._world.tick >= end,
-                poll=self._show,
-                duration=end * self._world.time_step,
-            )
+            self._is_running = True
+            try:
+                self._simulation.run(
+                    stop=lambda: self._world.tick >= end,
+                    poll=self._show,
+                    duration=end * self._world.time_step,
+                )
+            finally:
+                self._is_running = False
 
     @checked
     def push(

@@ -3,7 +3,7 @@
 
 import math
 from types import GenericAlias
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from wasd_core.arguments import check
@@ -37,6 +37,8 @@ AVERAGE_TIME = 0.5
 LOOK_PERIOD = 0.01
 # A foot that touches is trusted wholly after so long [s].
 TRUST_TIME = 0.03
+# Those of a command.
+RANGES: Any = tuple[(tuple[float, float],) * 3]  # type: ignore[misc]
 # Velocity and effort of a walker's command.
 _ZERO = NO_TORQUE.position
 
@@ -129,6 +131,9 @@ class Policy(AfterTrot, Trotting):
                 raise UserError(f'policy: joint {name} is not in this robot{suggest(name, names)}')
         if len(walker.joints) != len(names):
             raise UserError(f'policy: got {len(walker.joints)} joints, wanted {len(names)}')
+        if missing := set(names) - set(walker.joints):
+            raise UserError(f'policy: joints: {min(missing)} is missing, another is there twice')
+        check('policy: ranges', walker.ranges, RANGES | None)
         # From the robot's joints to the walker's, and back.
         self._theirs = np.array([names.index(name) for name in walker.joints])
         self._ours = np.argsort(self._theirs)
