@@ -4,16 +4,19 @@
 from collections.abc import Callable
 import json
 from pathlib import Path
+import signal
 import time
 from typing import Any
 import urllib.request
 
 import numpy as np
+from page_puppet import code, PagePuppet
 import pytest
 from terminals import PATIENCE, wait_until
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
 from page_in_browser import (  # noqa: E402
+    BLIND,
     errors_in,
     judged_while_alive,
     open_page,
@@ -21,6 +24,7 @@ from page_in_browser import (  # noqa: E402
     saved_keys,
     set_page_size,
     skip_unless_alive,
+    SPARE,
     wait_for_key,
 )
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
@@ -28,6 +32,8 @@ from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 pytestmark = pytest.mark.slow
 
 Picture = Callable[[], np.ndarray]
+# The E-STOP of a page that does not drive.
+BUTTON = "document.querySelector('button')"
 # A blind page is sent so many states a second at least, if its machine has time for it.
 FAST_ENOUGH = 30.0
 
@@ -199,6 +205,49 @@ def test_the_last_of_fingers_and_a_mouse_presses_the_e_stop(
     touch('touchEnd')
     see_a_finger_press_no_more_when_the_one_after_it_has_left(touch, saved, e_stop, scene)
     see_the_newer_of_a_mouse_and_a_finger_press(touch, mouse, saved, e_stop, scene)
+
+
+def test_a_page_that_watches_stops_the_robot_and_says_so_or_that_nobody_answers(
+    run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
+) -> None:
+    def wait_for_button(words: str) -> None:
+        wait_until(lambda: browser.execute_script(f'return {BUTTON}.textContent') == words)
+
+    def press() -> None:
+        words = {'type': 'touchStart', 'touchPoints': [{'x': 75, 'y': 65}]}
+        browser.execute_cdp_cmd('Input.dispatchTouchEvent', words)
+        words = {'type': 'touchEnd', 'touchPoints': []}
+        browser.execute_cdp_cmd('Input.dispatchTouchEvent', words)
+
+    run = run_with_page('mbot', '--no-ros', '--latched', '--save-keys', 'keys.txt')
+    saved = tmp_path / 'keys.txt'
+    browser.execute_cdp_cmd('Emulation.setTouchEmulationEnabled', {'enabled': True})
+    with PagePuppet(run.url) as driver:
+        driver.draw()
+        driver.keys = {code('I')}
+        browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': SPARE + BLIND})
+        browser.get(run.url)
+        wait_until(lambda: browser.execute_script('return Module.isSpectator') is True)
+        wait_for_key(saved, 'i')
+        press()
+        wait_for_key(saved, 'ESC')
+        wait_for_button('STOPPED')
+        wait_for_button('E-STOP')
+        driver.is_silent = True
+        wait_for_key(saved, 'RELEASE+i')
+        press()
+        wait_for_key(saved, 'ESC', 2)
+        wait_for_button('STOPPED')
+        run.process.send_signal(signal.SIGSTOP)
+        press()
+        wait_for_button('NO ANSWER')
+        run.process.send_signal(signal.SIGCONT)
+        wait_for_key(saved, 'ESC', 3)
+        wait_for_button('E-STOP')
+    assert not browser.execute_script(f'return {BUTTON}.hidden')
+    open_page(browser, run.url, spares=True, is_blind=True)
+    assert browser.execute_script(f'return {BUTTON}.hidden')
+    assert presses(saved).count('ESC') == 3
 
 
 def test_a_phone_that_is_turned_and_turned_back_shows_the_page_as_large_as_before(

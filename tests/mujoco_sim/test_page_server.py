@@ -9,6 +9,7 @@ import gc
 import http.client
 from pathlib import Path
 import socket
+import threading
 import time
 
 from cases import for_all
@@ -26,8 +27,18 @@ from terminals import PATIENCE, wait_until
 from websockets.exceptions import ConnectionClosed, ConnectionClosedOK, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-PATHS = ('/', '/status', '/ui', '/state', '/drop', '/model', '/web_client.js', '/nothing')
-SOCKETS = ('/ui', '/state', '/drop')
+PATHS = (
+    '/',
+    '/status',
+    '/ui',
+    '/state',
+    '/drop',
+    '/e_stop',
+    '/model',
+    '/web_client.js',
+    '/nothing',
+)
+SOCKETS = ('/ui', '/state', '/drop', '/e_stop')
 CAMERA = CameraView(distance=1.0, azimuth=90.0, elevation=-20.0)
 
 
@@ -51,6 +62,7 @@ def view(loaded) -> Iterator[WebView]:
     """Return a page of mbot; Studio has one for a process."""
     view = WebView(build_world(loaded), CAMERA, Panel(STATUS, ['help']))
     view.sync()
+    view.input.can_stop = True
     yield view
     view.close()
 
@@ -118,7 +130,7 @@ def test_the_page_itself_gets_everything(port, name):
         200
     ]
     assert get(port, '/', Host=own['Host']).status == 200
-    assert [upgrade(port, path, **own).status for path in SOCKETS] == [101, 101, 403]
+    assert [upgrade(port, path, **own).status for path in SOCKETS] == [101, 101, 403, 101]
 
 
 @pytest.mark.parametrize('name', ['127.0.0.1', 'localhost'])
@@ -327,6 +339,110 @@ def test_who_opened_the_page_first_and_says_nothing_keeps_nobody_out(
             page.draw()
             page.tap('I')
             wait_until(lambda: 'i' in view.pressed_keys())
+
+
+def stop(port: int) -> str:
+    """Press the E-STOP as a page without control does; return the answer."""
+    own = f'http://127.0.0.1:{port}'
+    with connect(f'ws://127.0.0.1:{port}/e_stop', origin=own, ping_interval=None) as socket:
+        try:
+            return str(socket.recv(PATIENCE))
+        except ConnectionClosedOK:
+            return ''
+
+
+@contextlib.contextmanager
+def reading(view: WebView) -> Iterator[list[str]]:
+    """Take the page's keys as a run does, in a thread; yield them."""
+    keys, is_over = list[str](), threading.Event()
+
+    def read() -> None:
+        while not is_over.wait(0.01):
+            keys.extend(view.pressed_keys())
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    try:
+        yield keys
+    finally:
+        is_over.set()
+        thread.join()
+
+
+def test_who_watches_stops_the_robot_and_is_told_so_when_the_run_has_heard_of_it(
+    view, port, monkeypatch
+):
+    view.pressed_keys()
+    with reading(view) as keys:
+        assert stop(port) == 'STOPPED'
+        assert keys == ['ESC']
+    monkeypatch.setattr(page_server, 'E_STOP_TIMEOUT', 0.2)
+    assert [stop(port) for _ in range(3)] == ['', '', '']
+    assert view.pressed_keys() == ['ESC']
+    assert view.pressed_keys() == []
+
+
+def test_where_nothing_can_be_stopped_no_page_has_an_e_stop(view, port, monkeypatch):
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
+    for can_stop in (True, False):
+        monkeypatch.setattr(view.input, 'can_stop', can_stop)
+        connection.request('GET', '/')
+        assert (b'/e_stop' in connection.getresponse().read()) is can_stop
+        connection.close()
+    assert upgrade(port, '/e_stop').status == 404
+
+
+@pytest.mark.slow
+def test_who_watches_and_stops_drives_nothing_and_keeps_nobody_from_their_turn(view, port):
+    with (
+        reading(view) as keys,
+        PagePuppet(view.url) as page,
+        connect(f'ws://127.0.0.1:{port}/state?sid=waits') as waits,
+    ):
+        page.keys = {code('I')}
+        page.draw()
+        waits.send('request_control')
+        wait_until(lambda: view.input.turns.waiting)
+        assert [stop(port) for _ in range(5)] == 5 * ['STOPPED']
+        assert keys.count('ESC') == 5
+        page.is_silent = True
+        wait_until(lambda: 'LOST' in keys)
+        assert stop(port) == 'STOPPED'
+        page.is_silent = False
+        page.keys = set()
+        page.draw()
+        page.tap('J')
+        assert view.input.turns.waiting == 1
+        wait_until(lambda: 'j' in keys)
+        assert keys.count('ESC') == 6
+        assert keys.count('LOST') == 1
+    wait_until(lambda: not view.input.is_watched)
+
+
+@pytest.mark.slow
+def test_what_is_wrong_with_a_press_of_the_e_stop_breaks_nothing(view, port, caplog):
+    def press() -> socket.socket:
+        client = socket.create_connection(('127.0.0.1', port), timeout=PATIENCE)
+        words = {'Host': f'127.0.0.1:{port}', 'Connection': 'Upgrade', 'Upgrade': 'websocket'}
+        words |= {'Sec-WebSocket-Version': '13', 'Sec-WebSocket-Key': 'dGhlIHNhbXBsZSBub25jZQ=='}
+        lines = [f'{name}: {value}' for name, value in words.items()]
+        client.sendall('\r\n'.join(('GET /e_stop HTTP/1.1', *lines, '', '')).encode())
+        return client
+
+    view.pressed_keys()
+    assert get(port, '/e_stop').status == 426
+    assert view.pressed_keys() == []
+    with reading(view) as keys:
+        for _ in range(10):
+            with contextlib.ExitStack() as stack:
+                clients = [stack.enter_context(press()) for _ in range(100)]
+                for client in clients[::2]:  # the others go without a word
+                    with contextlib.suppress(ConnectionError):
+                        client.sendall(b'\xff' * 10_000)
+        wait_until(lambda: 'ESC' in keys)
+        assert stop(port) == 'STOPPED'
+        assert set(keys) == {'ESC'}
+    assert caplog.text == ''
 
 
 @pytest.mark.slow

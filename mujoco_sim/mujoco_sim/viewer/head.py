@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is ours in the head of Studio's page: it sets right what keys and pointers tell Studio."""
+"""What is ours in the head of Studio's page: keys and pointers set right, and an E-STOP."""
 
 # A phone's pixels are as large as it says: else all is half as large, also when it was turned: it
 # would shrink the page to show the whole width of before, and the page would keep that width.
@@ -80,3 +80,33 @@ HEAD = b"""<head><meta name="viewport"
   };
   for (const what of ['mousemove', 'mouseup']) addEventListener(what, hearMouse, true);
 }</script>"""
+
+# A page without control has no panels: this is its E-STOP, where the panels have theirs. It says
+# what became of a press, by the server's answer or the lack of one.
+E_STOP = b"""<script>addEventListener('DOMContentLoaded', () => {
+  const button = document.createElement('button');
+  button.style = 'position:fixed; left:20px; top:40px; width:112px; height:48px; padding:0;'
+    + 'border:0; border-radius:4px; background:#d63d3d; color:#fff; font:bold 16px sans-serif;'
+    + 'touch-action:manipulation; user-select:none';
+  let socket, timer;
+  const say = (words, seconds, next) => {
+    button.textContent = words;
+    clearTimeout(timer);
+    timer = setTimeout(next, 1000 * seconds);
+  };
+  const rest = () => { button.textContent = 'E-STOP'; };
+  const fail = () => say('NO ANSWER', 5, rest);
+  button.addEventListener('pointerdown', () => {
+    say('...', 3, fail);
+    if (socket) socket.onclose = null;
+    socket = new WebSocket(`ws://${location.host}/e_stop`);
+    socket.onclose = fail;
+    socket.onmessage = event => {
+      event.target.onclose = null;
+      say(event.data, 2, rest);
+    };
+  });
+  rest();
+  document.body.append(button);
+  setInterval(() => { button.hidden = window.Module?.isSpectator === false; }, 100);
+});</script>"""

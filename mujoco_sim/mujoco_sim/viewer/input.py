@@ -86,8 +86,9 @@ class PageInput:
     A press is proved by the packet that tells of it, whatever the rate of pictures; what lasts
     counts only while `is_alive`.
 
-    The server's thread calls `watch`, `hear` and `lose`, the viewer's `rest`, `wait_for_picture`
-    and `set_typing`, the simulation's `take_keys`. What the pointer holds down asks `silence`.
+    The server's thread calls `watch`, `hear`, `lose` and `press_e_stop`, the viewer's `rest`,
+    `wait_for_picture` and `set_typing`, the simulation's `take_keys`. What the pointer holds down
+    asks `silence`.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -111,6 +112,9 @@ class PageInput:
         self._silence = 0.0  # the longest that a button is down since before [s]
         self.has_clicked = False  # until a frame of panels was begun for it
         self.are_several = False  # pointers down, or were since none was: no click is of one alone
+        self.can_stop = False  # whether there is a robot that pages without control may stop
+        self._stops = 0
+        self.stops_taken = 0  # of the e-stops of such pages
 
     @property
     def is_alive(self) -> bool:
@@ -253,6 +257,12 @@ class PageInput:
                 self._end_life()
                 self._source = None
 
+    def press_e_stop(self) -> int:
+        """Press the E-STOP on a page without control; it is the returned one of `stops_taken`."""
+        with self._lock:
+            self._stops += 1
+            return self._stops
+
     def set_typing(self, is_typing: bool) -> None:
         """Take whether the keys are for a field of text on the page."""
         with self._lock:
@@ -285,11 +295,13 @@ class PageInput:
         """
         Return presses, repeats, HELD and RELEASE since the last call, in order.
 
-        LOST stands where the controlling browser had gone or fallen silent.
+        LOST stands where the controlling browser had gone or fallen silent. The E-STOP of pages
+        without control is the last.
         """
         with self._lock:
             self._step()
-            return self._keys.take()
+            is_stop, self.stops_taken = self._stops > self.stops_taken, self._stops
+            return self._keys.take() + [_NAMES['Escape']] * is_stop
 
     def _step(self) -> None:
         """Let the time pass that has passed."""

@@ -3,17 +3,25 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
+import contextlib
 import functools
 import html
 import logging
 import struct
 from typing import Any, cast
 
-from mujoco.studio.web.web_server import Headers, Request, Response, serve, ServerConnection
+from mujoco.studio.web.web_server import (
+    ConnectionClosed,
+    Headers,
+    Request,
+    Response,
+    serve,
+    ServerConnection,
+)
 from wasd_core.network import LOOPBACK
 
 from mujoco_sim.viewer.clicks import Mouse
-from mujoco_sim.viewer.head import HEAD
+from mujoco_sim.viewer.head import E_STOP, HEAD
 from mujoco_sim.viewer.input import PageInput
 from mujoco_sim.viewer.strokes import Stroke
 from mujoco_sim.viewer.studio import session_of, SILENT_CONTROLLER
@@ -30,6 +38,10 @@ PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
 # What a page says that asks for control, and the code that ends its control.
 REQUEST, FORCE, LEAVE = 'request_control', 'force_control', 'leave_queue'
 CONTROL_TAKEN = 4001
+# A page without control presses the E-STOP by a WebSocket there. The answer comes when the run has
+# taken that, for which it has so long; that is looked at so often [s].
+E_STOP_PATH, STOPPED = '/e_stop', 'STOPPED'
+E_STOP_TIMEOUT, E_STOP_PERIOD = 2.0, 0.02
 # No message of a page is longer: files to drop are refused, what is left is input and a clipboard.
 LONGEST_MESSAGE = 1 << 20
 
@@ -133,6 +145,16 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
                 turns.leave(self._session)
         return message
 
+    async def stop_robots(self) -> None:
+        """Press the E-STOP, and answer."""
+        until, number = self.loop.time() + E_STOP_TIMEOUT, self._input.press_e_stop()
+        while self._input.stops_taken < number:
+            if self.loop.time() > until:
+                return
+            await asyncio.sleep(E_STOP_PERIOD)
+        with contextlib.suppress(ConnectionClosed):
+            await self.send(STOPPED)
+
     @property
     def is_mute(self) -> bool:
         """Whether it was opened a while ago, and no key or pointer was ever told by it."""
@@ -182,7 +204,10 @@ class _Place:
         self._drivers: set[PageConnection] = set()
 
     async def serve(self, connection: PageConnection) -> None:
-        """Hand a connection to Studio."""
+        """Hand a connection to Studio, but not an E-STOP's."""
+        if connection.path == E_STOP_PATH:
+            await connection.stop_robots()
+            return
         if connection.path == '/ui':
             self._drivers.add(connection)
         try:
@@ -238,9 +263,11 @@ def serve_page(
         if path == TEXT_PATH:
             words = html.escape(text()).encode()
             return _response(200, 'OK', 'text/html; charset=utf-8', _TEXT_PAGE % words)
+        if path == E_STOP_PATH and page_input.can_stop:
+            return None
         response = process_request(connection, request)
         if response is not None and path in ('/', '/index.html') and response.status_code == 200:
-            return _with_head(response)
+            return _with_head(response, HEAD + E_STOP * page_input.can_stop)
         return response
 
     async def admit(connection: ServerConnection, request: Request) -> Response | None:
@@ -271,9 +298,9 @@ def _response(status: int, reason: str, kind: str, body: bytes) -> Response:
     return Response(status, reason, headers, body)
 
 
-def _with_head(response: Response) -> Response:
+def _with_head(response: Response, head: bytes) -> Response:
     """Return Studio's page with what is ours in its head."""
-    body = response.body.replace(b'<head>', HEAD, 1)
+    body = response.body.replace(b'<head>', head, 1)
     if 'Content-Length' in response.headers:
         del response.headers['Content-Length']
         response.headers['Content-Length'] = str(len(body))

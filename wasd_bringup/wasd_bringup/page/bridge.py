@@ -6,7 +6,7 @@ from functools import partial
 import math
 from typing import TYPE_CHECKING
 
-from mujoco_sim.viewer.views import start_view
+from mujoco_sim.viewer.views import NativeView, start_view
 import numpy as np
 from wasd_cockpit.cockpit import Cockpit, usual_path
 from wasd_cockpit.link import (
@@ -356,6 +356,7 @@ def open_view(run: Run, kind: str) -> str:
     port = page_port(run.options.port)
     view, where = start_view(kind, run.world, run.robot.camera, bridge.content, port)
     run.view, run.where = view, where
-    if kind == 'web':
+    if not isinstance(view, NativeView):
+        view.input.can_stop = True
         bridge.attach(where)
     return where
