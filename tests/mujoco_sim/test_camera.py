@@ -137,9 +137,20 @@ def test_noise_has_its_spread_and_is_drawn_from_the_generator(make, offscreen):
 
 
 def test_no_renderer_is_one_line_that_says_what_to_install(scene, monkeypatch):
-    monkeypatch.setenv('MUJOCO_GL', 'off')
+    monkeypatch.delenv('MUJOCO_GL', raising=False)
+    monkeypatch.setattr('ctypes.util.find_library', lambda name: None)
     with pytest.raises(SimulationError, match='no EGL or OSMesa library .*apt install'):
         Offscreen(scene, 64, 48)
+
+
+def test_who_switched_drawing_off_reads_that_and_no_library_to_install(
+    scene, monkeypatch, tmp_path
+):
+    monkeypatch.setenv('MUJOCO_GL', 'off')
+    with pytest.raises(SimulationError, match='^MUJOCO_GL=off: nothing draws$'):
+        Offscreen(scene, 64, 48)
+    with pytest.raises(UserError, match='^MUJOCO_GL=off: nothing draws$'):
+        take_picture(scene, Viewpoint((0, 0, 0), 1, 0, 0), tmp_path / 'x.png')
 
 
 def test_a_renderer_that_does_not_work_is_one_line(scene, monkeypatch):

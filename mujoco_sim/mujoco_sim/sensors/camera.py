@@ -13,7 +13,7 @@ import weakref
 
 import mujoco
 import numpy as np
-from robot_description.mujoco import begin_drawing, find_renderer, NO_RENDERER
+from robot_description.mujoco import begin_drawing, find_renderer, why_no_renderer
 from robot_description.sensor_tags import COLOUR_TYPES, DEPTH_TYPES
 from wasd_core.errors import one_line, SimulationError
 from wasd_core.rotations import Pose
@@ -104,7 +104,7 @@ class Offscreen:
         """
         name = find_renderer()
         if name is None:
-            raise SimulationError(NO_RENDERER)
+            raise SimulationError(why_no_renderer())
         begin_drawing()
         try:
             self._context: Any = importlib.import_module(f'mujoco.{name}').GLContext(width, height)

@@ -7,6 +7,14 @@ from robot_description.mujoco.renderer import (
     choose_renderer,
     find_renderer,
     NO_RENDERER,
+    why_no_renderer,
 )
 
-__all__ = ['NO_RENDERER', 'begin_drawing', 'check_renderer', 'choose_renderer', 'find_renderer']
+__all__ = [
+    'NO_RENDERER',
+    'begin_drawing',
+    'check_renderer',
+    'choose_renderer',
+    'find_renderer',
+    'why_no_renderer',
+]

@@ -12,7 +12,7 @@ from wasd_core.output_file import OutputFile
 
 from robot_description.mujoco.builder import add_sky, compile_model, to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.mujoco.renderer import begin_drawing, find_renderer, NO_RENDERER
+from robot_description.mujoco.renderer import begin_drawing, find_renderer, why_no_renderer
 from robot_description.robot import Robot
 
 SIZE = (1280, 960)
@@ -35,7 +35,7 @@ def draw(robot: Robot, path: Path) -> None:
         raise DescriptionError(f'--picture {path}: wanted FILE.png')
     file = OutputFile(path, '--picture')  # first: a wrong place is said before anything is drawn
     if find_renderer() is None:
-        raise DescriptionError(f'--picture needs {NO_RENDERER}')
+        raise DescriptionError(f'--picture: {why_no_renderer()}')
     spec = to_mujoco(robot, visuals=True)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
     spec.visual.headlight.ambient = np.full(3, 0.4)

@@ -51,6 +51,12 @@ def find_renderer() -> str | None:
     return next((n for lib, n in _LIBRARIES.items() if ctypes.util.find_library(lib)), None)
 
 
+def why_no_renderer() -> str:
+    """Return why `find_renderer` finds none."""
+    wanted = os.environ.get('MUJOCO_GL', '')
+    return f'MUJOCO_GL={wanted}: nothing draws' if wanted.lower() in _OFF else NO_RENDERER
+
+
 def check_renderer() -> None:
     """
     Refuse a MUJOCO_GL that mujoco does not know: nothing could import it.
@@ -87,8 +93,10 @@ def begin_drawing() -> None:
     Refuse to draw in a fork of a process that has drawn: EGL would wait for threads it left there.
 
     Raises:
-        UserError: it is one; says how to start another.
+        UserError: it is one; says how to start another. Or MUJOCO_GL is off.
     """
+    if os.environ.get('MUJOCO_GL', '').lower() in _OFF:
+        raise UserError(why_no_renderer())
     if _drawn_in and _drawn_in[0] != os.getpid():
         raise UserError(
             'a process forked from one that has drawn cannot draw: start it by the method spawn'

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from mujoco_sim.pictures import take_film, take_picture, take_strip, Trace, Viewpoint
 import numpy as np
-from robot_description.mujoco import choose_renderer, NO_RENDERER
+from robot_description.mujoco import choose_renderer, why_no_renderer
 from teleop_keyboard.key_script import parse_key_script
 from wasd_core.errors import one_line, UserError
 from wasd_core.output_file import OutputFile
@@ -165,7 +165,7 @@ def demo_command(output: str, only: str = '') -> int:
     files = [OutputFile(folder / name, '--output') for name in ('table.txt', 'demo.json')]
     pictures = choose_renderer()
     if not pictures:
-        print(f'no pictures: {NO_RENDERER}')
+        print(f'no pictures: {why_no_renderer()}')
     results = []
     with StopSignals() as signals:
         for stop in tour:
