@@ -4,13 +4,17 @@ Ends a process of the tests that hangs, and shows where it did.
 
 Nothing in Python ends a wait in a library that holds Python's lock, and a worker that hangs keeps
 the whole run from its end. So a thread of C looks at the time: it writes what each thread does,
-and ends the process. What shared the tests among workers then names the test. What that worker had
-still to do is not done: the run says so by its status, which is not that of a failure.
+and ends the process. What shared the tests among workers then names the test, and ends what that
+worker has started. What it had still to do is not done: the run says so by its status, which is
+not that of a failure.
 """
 
 from collections.abc import Iterator
+import contextlib
 import faulthandler
 import os
+from pathlib import Path
+import signal
 from typing import Any
 
 import pytest
@@ -33,7 +37,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
     """Watch a test with its fixtures."""
     mark = item.get_closest_marker('takes_up_to')
-    limit = float(os.environ.get('WASD_TEST_LIMIT', mark.args[0] if mark else LIMIT))
+    usual = max(LIMIT, *mark.args) if mark else LIMIT
+    limit = float(os.environ.get('WASD_TEST_LIMIT', usual))
     faulthandler.dump_traceback_later(limit, exit=True, file=item.config.stash[_stderr])
     try:
         return (yield)
@@ -43,9 +48,16 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any, error: object) -> None:
-    """Note that a worker was lost."""
+    """Note that a worker was lost; end its children, which would stay in their ROS domains."""
     if error:
         node.config.stash[_has_lost] = True
+        worker, run = (node.workerinput[name] for name in ('workerid', 'testrunuid'))
+        # They have inherited these, unless a test took away their whole environment.
+        marks = {f'PYTEST_XDIST_WORKER={worker}', f'PYTEST_XDIST_TESTRUNUID={run}'}
+        for folder in Path('/proc').glob('[0-9]*'):
+            with contextlib.suppress(OSError):  # it has ended, or is somebody else's
+                if marks <= set((folder / 'environ').read_text(errors='replace').split('\0')):
+                    os.kill(int(folder.name), signal.SIGKILL)
 
 
 @pytest.hookimpl(trylast=True)

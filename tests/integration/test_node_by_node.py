@@ -42,7 +42,7 @@ KEYBOARDS = ('key_publisher', 'teleop')
 NODES = {'teleop': 'robot_monitor'}
 TILTED = 0.5  # [rad]
 
-pytestmark = [pytest.mark.long, pytest.mark.slow, pytest.mark.takes_up_to(4.0 * PATIENCE)]
+pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 
 def executable(line: str) -> tuple[str, str, list[str]]:

@@ -22,7 +22,6 @@ RUNS = {
 }
 
 
-@pytest.mark.takes_up_to(500.0)
 @pytest.mark.parametrize('module', RUNS)
 def test_the_panels_do_what_they_say(module, tmp_path):
     done = programs.run(

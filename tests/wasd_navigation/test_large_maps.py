@@ -120,7 +120,6 @@ def drive(driver: Driver, grid: Grid, start, goal, limits, seconds=120.0):
 
 
 @pytest.mark.slow
-@pytest.mark.takes_up_to(120.0)
 def test_a_robot_crosses_a_building_to_a_goal_it_does_not_look_at() -> None:
     limits = DriveLimits(forward=1.0)
     grid = building(doors=(14.0, 16.0))
