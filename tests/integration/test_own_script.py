@@ -66,10 +66,13 @@ def test_the_script_without_ros_walks_and_draws_and_says_why_it_cannot(tmp_path)
     assert (tmp_path / 'dog.png').stat().st_size > 20_000
 
 
-def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path: Path):
+def test_the_node_of_the_page_drives_mbot(
+    environment: dict[str, str], tmp_path: Path, commands: Any
+):
     (tmp_path / 'circle.py').write_text(scripts()[1])
     node = subprocess.Popen([sys.executable, 'circle.py'], cwd=tmp_path, env=environment)
     try:
+        commands(0.0)  # it speaks
         done = programs.run_wasd(('mbot', '--duration', '8'), tmp_path, environment)
         node.send_signal(signal.SIGINT)
         assert node.wait(PATIENCE) == 0

@@ -187,11 +187,12 @@ class Listener:
         for _ in range(round(30 * seconds)):
             press()
 
-    def probe(self, process, key='P', sequence=None, names=None):
+    def probe(self, process, key='P', sequence=None, names=None, last=(b'Y', 'Y')):
         """
         Type a key until it arrives, so that both sides have found each other; forget it.
 
-        `sequence` is what the terminal sends for it, `names` what is published then.
+        `sequence` is what the terminal sends for it, `names` what is published then. `last` are
+        both of a key that comes after all of these.
         """
 
         def arrives():
@@ -201,8 +202,10 @@ class Listener:
 
         wait_until(lambda: process.is_raw)
         wait_until(arrives)
+        process.type(last[0])
+        wait_until(lambda: self.keys[-1] == last[1])
         self.settle()
-        assert set(self.keys) <= (names or {key})
+        assert set(self.keys[: self.keys.index(last[1])]) <= (names or {key})
         self.keys.clear()
         self.twists.clear()
 

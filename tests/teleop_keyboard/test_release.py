@@ -84,7 +84,12 @@ def test_on_a_terminal_that_tells_releases_it_takes_50_ms(pty_process, stamped_l
     process.wait_for(b'\x1b[?u')
     process.type(b'\x1b[?0u')
     process.wait_for(b'\x1b[>27u')
-    listener.probe(process, sequence=b'\x1b[112;;112u\x1b[112;1:3u', names={'p', 'RELEASE+p'})
+    listener.probe(
+        process,
+        sequence=b'\x1b[112;;112u\x1b[112;1:3u',
+        names={'p', 'RELEASE+p', 'y'},
+        last=(b'\x1b[121;;121u\x1b[121;1:3u', 'RELEASE+y'),
+    )
     starts = len(parse_key_script(saved.read_text()))
     for hold in (0.1, 0.3, 0.5):
         process.type(b'\x1b[105;;105u')

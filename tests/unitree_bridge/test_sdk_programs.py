@@ -222,7 +222,7 @@ def on(host, *words, **options):
 def test_nothing_leaves_the_loopback_and_nothing_is_heard_from_outside(hosts):
     here, there = hosts
     pipe = {'stdout': subprocess.PIPE, 'text': True}
-    command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--duration', '30']
+    command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--duration', '600']
     with on(here, *command, **pipe) as robot:
         while 'Unitree interface' not in robot.stdout.readline():
             assert robot.poll() is None
