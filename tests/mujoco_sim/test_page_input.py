@@ -564,6 +564,21 @@ def test_a_click_waits_until_a_frame_has_seen_what_was_typed_before_it_but_not_f
     assert waited == pytest.approx(KEY_PATIENCE, abs=0.05)
 
 
+@pytest.mark.parametrize('before', [(), (Mouse(1, (50, 5)), Mouse(0, (50, 5)))])
+def test_a_press_on_the_e_stop_waits_for_nothing_that_was_typed_before_it(page, clock, before):
+    page.set_typing(True)
+    page.e_stop = (0.0, 0.0, 10.0, 10.0)
+    for stroke in (Stroke(NONE, '1'), Stroke(ENTER)):
+        typed(page, clock, stroke)
+    for mouse in before:
+        assert typed(page, clock, Stroke(), mouse).buttons == 0
+    seen = []
+    for _ in range(5):
+        seen.append(typed(page, clock, Stroke(), Mouse(1, (5, 5))))
+        page.see(seen[-1].buttons, is_marked=False)
+    assert seen[: len(before) + 1] == [*before, Mouse(1, (5, 5))]
+
+
 def test_keys_that_are_for_no_field_are_seen_at_once(page, clock):
     page.hear('tab', W)
     assert page.type(Stroke(W)) == Stroke(W)

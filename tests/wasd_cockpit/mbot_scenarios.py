@@ -244,6 +244,25 @@ def scenario_what_is_typed_and_entered_within_a_picture_is_taken_whole(page: Pag
     type_speed(page, '1')
 
 
+@paused
+def scenario_a_click_elsewhere_comes_after_all_that_was_typed_before_it(page: Page) -> None:
+    elsewhere = page.show('tab keys')
+    page.click('speed')
+    page.wait_until(lambda: page.cockpit.page.widgets.is_typing, 'the field takes what is typed')
+    page.puppet.keys = {code('LeftCtrl'), code('A')}
+    page.puppet.draw(4)
+    page.puppet.rate = 4.0
+    back = ({code('Backspace')}, ''), (set(), '')
+    page.puppet.strike((set(), '0.7599'), *back, *back, *back, ({code('Enter')}, ''), (set(), ''))
+    page.puppet.mouse, page.puppet.buttons = elsewhere, 1
+    page.puppet.draw()
+    page.puppet.let_go()
+    page.wait_until(lambda: page.session.simulation.pacer.speed == 0.7, 'what was typed')
+    page.rest()
+    page.click('tab drive')
+    type_speed(page, '1')
+
+
 def scenario_a_key_that_is_held_right_after_enter_drives(page: Page) -> None:
     page.tap('K')
     page.click('speed')

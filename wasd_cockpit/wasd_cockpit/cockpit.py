@@ -200,6 +200,9 @@ class Cockpit:
         page = self.page
         page.widgets.end()
         page.link.hold(page.held, page.push)
+        if page.input is not None:
+            rects = page.widgets.rects
+            page.input.e_stop = rects.get('e-stop') or rects.get('stop at once')
         self.frames += 1
         self.cpu_time += time.thread_time() - self._cpu_began
 

@@ -9,8 +9,10 @@ ALL_BUTTONS = (1 << len(BUTTONS)) - 1
 # So many changes of the mouse's buttons wait for frames of panels, and a frame has so long to see
 # one [s].
 MOST_CHANGES, CHANGE_PATIENCE = 6, 2.0
-# A click waits so long for keys that were pressed before it [s]: it may be the E-STOP.
-KEY_PATIENCE = 1.0
+# A click waits so long for keys that were pressed before it [s].
+KEY_PATIENCE = 5.0
+# Left, top, right, bottom [pixels].
+Box = tuple[float, float, float, float]
 
 
 class Mouse(NamedTuple):
@@ -18,6 +20,13 @@ class Mouse(NamedTuple):
 
     buttons: int = 0
     place: tuple[int, int] = (0, 0)
+
+    def presses(self, box: Box | None) -> bool:
+        """Whether a button is down in a box."""
+        if box is None or not self.buttons:
+            return False
+        (x, y), (left, top, right, bottom) = self.place, box
+        return left <= x < right and top <= y < bottom
 
 
 # No button is down.
@@ -71,11 +80,13 @@ class Clicks:
             self._waiting = [Mouse(0, NOWHERE)]
             self._told, self._seen = 0, 0
 
-    def show(self, told: Mouse, dt: float, waits: bool = False) -> Mouse:
+    def show(
+        self, told: Mouse, dt: float, waits: bool = False, e_stop: Box | None = None
+    ) -> Mouse:
         """
         Take how the mouse is, `dt` [s] after the last time; return what is to be seen of it.
 
-        It `waits` for keys that a frame is to see before.
+        It `waits` for keys that a frame is to see before, but not where it presses the E-STOP.
         """
         told = Mouse(told.buttons & ALL_BUTTONS, told.place)
         self._age += dt
@@ -85,6 +96,7 @@ class Clicks:
             self._told = told.buttons
             self._waiting.append(told)
             self._thin_out()
+        waits = waits and not any(mouse.presses(e_stop) for mouse in self._waiting)
         patience = KEY_PATIENCE if self.is_seen else CHANGE_PATIENCE
         if (self.is_seen and not waits) or self._age > patience:
             if self._waiting:

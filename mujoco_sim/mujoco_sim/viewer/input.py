@@ -10,7 +10,7 @@ import time
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_core.timing import HELD, HELD_PERIOD, LOST, RELEASE, REPEAT_RATE, Watchdog, with_event
 
-from mujoco_sim.viewer.clicks import Clicks, IDLE, Mouse
+from mujoco_sim.viewer.clicks import Box, Clicks, IDLE, Mouse
 from mujoco_sim.viewer.strokes import Stroke, Strokes
 from mujoco_sim.viewer.turns import Turns
 
@@ -112,6 +112,7 @@ class PageInput:
         self._silence = 0.0  # the longest that a button is down since before [s]
         self.has_clicked = False  # until a frame of panels was begun for it
         self.are_several = False  # pointers down, or were since none was: no click is of one alone
+        self.e_stop: Box | None = None  # where the panels have theirs
         self.can_stop = False  # whether there is a robot that pages without control may stop
         self._stops = 0
         self.stops_taken = 0  # of the e-stops of such pages
@@ -223,7 +224,7 @@ class PageInput:
             since = now - self._pictures[-1] if self._pictures else 0.0
             before = self._clicks.shown.buttons
             waits = self._is_typing and not self._strokes.is_seen
-            shown = self._clicks.show(mouse, since, waits)
+            shown = self._clicks.show(mouse, since, waits, self.e_stop)
             is_free = not mouse.buttons and not shown.buttons and self._clicks.is_seen
             self.are_several = not SEVERAL.isdisjoint(down) or (self.are_several and not is_free)
             # What tells of a press proves a click, as it does a key's; what is held it does not.
