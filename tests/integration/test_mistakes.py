@@ -50,26 +50,6 @@ MISTAKES = [
     (['mbot', '--duration', '1', '--package-path', 'nowhere'], '--package-path nowhere'),
     (['mbot', '--duration', '1', '--ros-args', '-p', 'bad'], "rule: '-p bad'"),
     (['mbot', '--duration', '1', '--ros-args', '-p', 'use_sim_time:=1'], "expecting type 'BOOL'"),
-    (['mbot', '--duration', '1', '--port', '8090'], '--port is for the page: give --viewer web'),
-    (['replay', 'x.mcap', '--viewer', 'none', '--port', '8090'], '--port is for the page'),
-    (['mbot', '--mode', 'fake', '--duration', '1', '--payload', '5'], '--payload has no effect'),
-    (['mbot', '--mode', 'fake', '--duration', '1', '--friction', '1'], '--friction has no effect'),
-    (
-        ['mbot', '--mode', 'fake', '--duration', '1', '--push', '1 9 0 0 1'],
-        '--push has no effect in mode fake',
-    ),
-    (
-        ['mbot', '--description', 'mbot_bare', '--duration', '1', '--lidar', 'a1'],
-        '--lidar: mbot_bare has no lidar',
-    ),
-    (
-        ['go2', '--duration', '1', '--height-scan', 'truth'],
-        'height_scan needs a network with heights',
-    ),
-    (
-        ['go2', '--duration', '1', '--estimator', 'truth', '--imu-drift', '2'],
-        'imu_drift has no effect',
-    ),
     (['demo', 'go2', '--only', 'stairs'], 'demo go2 takes no other words'),
     (['demo', '--output', 'here', 'go2'], 'demo go2 takes no other words'),
     (['demo', '--ros-args', '-r', 'a:=b'], 'demo takes no --ros-args; go2, mbot, g1 do'),

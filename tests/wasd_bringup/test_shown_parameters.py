@@ -29,7 +29,7 @@ def run_with(request, isolated_ros):
                 description=robot,
                 preset=preset,
                 speed=0.0,
-                lidar='honest' if robot == 'g1' else 'a1',
+                lidar='a1',
                 untold=untold,
             )
         )

@@ -671,17 +671,6 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     return RunOptions(robot=robot, untold=options.untold, **fields)
 
 
-def check_port(arguments: argparse.Namespace, viewer: str) -> None:
-    """
-    Check that a port is for a page.
-
-    Raises:
-        UserError: there is no page.
-    """
-    if arguments.port is not None and viewer != 'web':
-        raise UserError('--port is for the page: give --viewer web, too')
-
-
 def _untold(make: Callable[[], Any]) -> Any:
     """Return what `make` returns; an error names the option. The controller does not know it."""
     try:

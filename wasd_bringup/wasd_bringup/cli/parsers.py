@@ -110,7 +110,7 @@ def add_replay_options(parser: argparse.ArgumentParser) -> None:
         help='simulate again with the recorded commands and compare the paths',
     )
     parser.add_argument('--viewer', choices=VIEWERS, help='default: web on a terminal, else none')
-    parser.add_argument('--port', type=_port, metavar='N', help='port of the page')
+    parser.add_argument('--port', type=_port, default=0, metavar='N', help='port of the page')
     parser.add_argument(
         '--speed',
         metavar='X',

@@ -22,7 +22,7 @@ from wasd_core.errors import attempt_all, Stopped, UserError
 from wasd_core.signals import last_status, leave, StopSignals
 from wasd_core.streams import never_wait
 
-from wasd_bringup.cli.options import check_port, read_options
+from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.restart import become
 from wasd_bringup.run.options import choose_range, RunOptions
 from wasd_bringup.run.run import Run
@@ -52,7 +52,6 @@ def run_command(
         with contextlib.suppress(NoTerminal):
             reader = open_key_reader()
     viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
-    check_port(arguments, viewer)
     is_deaf = reader is None and viewer == 'none' and not options.has_guests
     if is_deaf and options.duration == math.inf:
         raise UserError(

@@ -89,12 +89,7 @@ class Go2(Robot):
         mapper = self.elevation.mapper
         if options.eyes and mapper is None:
             raise UserError(LIDAR_NEEDED.format(option='--eyes', robot=loaded.robot.name))
-        sees_heights = getattr(walker, 'has_height_scan', False)
-        if options.height_scan == TRUE_SCAN and not sees_heights:
-            raise UserError('height_scan needs a network with heights: give one as --policy FILE')
-        if options.estimator == 'truth' and options.untold.imu_drift not in (0.0, 1.0):
-            raise UserError('imu_drift has no effect with estimator truth: that has no noise')
-        if sees_heights:
+        if getattr(walker, 'has_height_scan', False):
             if options.height_scan == TRUE_SCAN:
                 walker.heights = partial(_true_scan, world)
             elif mapper is None:

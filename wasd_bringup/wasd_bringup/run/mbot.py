@@ -48,10 +48,6 @@ class Mbot(Robot):
         settings = DiffDriveParameters() if file is None else file.parameters
         self.drive_unit = DiffDrive(loaded.robot, settings.changed(self.given))
         self.drive_unit.say = self.log.warning
-        untold = options.untold
-        physical = {'push': options.pushes, 'payload': untold.payload, 'friction': untold.friction}
-        for name in (name for name, given in physical.items() if given and options.is_fake):
-            raise UserError(f'--{name} has no effect in mode fake: that has no physics')
         is_usual = options.preset == MBOT.preset
         self._other_presets = WASD_ADVICE if is_usual and not options.namespace else ''
         self._hints = KeyHints(self.logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw'))

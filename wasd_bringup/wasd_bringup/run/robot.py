@@ -9,9 +9,7 @@ import logging
 import time
 from typing import Any
 
-from mujoco_sim.parameters import HONEST, SHOWN_RATE, SimulatorParameters
-from mujoco_sim.sensors.cloud import CloudTag
-from mujoco_sim.sensors.lidar import LidarTag
+from mujoco_sim.parameters import SHOWN_RATE, SimulatorParameters
 from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.simulation import Schedule, Simulation, TickStatistics
 from mujoco_sim.viewer.camera import CameraView
@@ -103,9 +101,6 @@ class Robot(ABC):
         self.on_e_stop: Callable[[str], None] = self.e_stop  # a run stops all its robots
         complain = logging.getLogger('wasd.simulator').error
         self.sensors = Sensors(loaded, world, SimulatorParameters(lidar=options.lidar), complain)
-        has_lidar = any(isinstance(tag, (LidarTag, CloudTag)) for tag in self.sensors.tags)
-        if options.lidar != HONEST and not has_lidar:
-            raise UserError(f'--lidar: {loaded.robot.name} has no lidar')
         simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
         simulation.on_resume.append(self._resume)
         self.on_key: list[Callable[[str], None]] = []

@@ -25,7 +25,7 @@ from wasd_core.network import set_range
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.cli.options import check_port, read_number
+from wasd_bringup.cli.options import read_number
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.ros.home import with_own_frames
 from wasd_bringup.run.inputs import BoxPlayer, ScriptedBox
@@ -230,8 +230,6 @@ def replay_command(arguments: argparse.Namespace) -> int:
     Raises:
         UserError: what is wrong with the recording or the options.
     """
-    viewer = arguments.viewer or ('web' if sys.stdout.isatty() else 'none')
-    check_port(arguments, viewer)
     bag = BagReader(Path(arguments.file))
     if bag.breaks_off:
         print(f'WARNING: {bag.path}: breaks off after {1e-9 * bag.end:.2f} s', file=sys.stderr)
@@ -241,7 +239,8 @@ def replay_command(arguments: argparse.Namespace) -> int:
         ros_arguments = recorded_ros_arguments(bag.run) if arguments.drive else []
     except RecordingError as error:
         raise RecordingError(f'{bag.path}: {error}') from None
-    options = dataclasses.replace(options, urdfs=_descriptions(bag), port=arguments.port or 0)
+    options = dataclasses.replace(options, urdfs=_descriptions(bag), port=arguments.port)
+    viewer = arguments.viewer or ('web' if sys.stdout.isatty() else 'none')
     usual = '0' if viewer == 'none' else '1'
     speed = read_number(arguments.speed or usual, '--speed')
     with StopSignals() as stop:
