@@ -101,6 +101,10 @@ def _free_domains() -> Iterator[int]:
     A node whose start has failed stays until its garbage is collected: in this process, or in the
     one that runs of `wasd` share.
     """
+    if not _DOMAINS:
+        raise pytest.UsageError(
+            f'WASD_TEST_DOMAINS: wanted {_WORKERS} or more, one for each worker'
+        )
     turn = itertools.cycle(_DOMAINS)
     while True:
         some = list(itertools.islice(turn, len(_DOMAINS)))
