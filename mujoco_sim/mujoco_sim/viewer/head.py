@@ -85,7 +85,7 @@ HEAD = b"""<head><meta name="viewport"
 # what became of a press, by the server's answer or the lack of one.
 E_STOP = b"""<script>addEventListener('DOMContentLoaded', () => {
   const button = document.createElement('button');
-  button.style = 'position:fixed; left:20px; top:40px; width:112px; height:48px; padding:0;'
+  button.style = 'position:fixed; left:20px; top:40px; width:124px; height:48px; padding:0;'
     + 'border:0; border-radius:4px; background:#d63d3d; color:#fff; font:bold 16px sans-serif;'
     + 'touch-action:manipulation; user-select:none';
   let socket, timer;
