@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterator, Mapping
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -36,8 +37,13 @@ def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
     node = spawn(rclpy.create_node('talker'))
     publisher = node.create_publisher(String, 'chatter', qos_profile_sensor_data)
     process = new_runner(isolated_ros).start('echo', 'chatter', stdout=subprocess.PIPE)
-    spin_until(spawn.pump, publisher.get_subscription_count)
-    publisher.publish(String(data='hello'))
+
+    def has_said() -> bool:
+        # Again and again: a subscriber that is found may not have found the publisher yet.
+        publisher.publish(String(data='hello'))
+        return bool(select.select([process.stdout], [], [], 0.0)[0])
+
+    spin_until(spawn.pump, has_said)
     assert process.stdout.readline() == 'data: hello\n'
     process.stdout.close()
 
