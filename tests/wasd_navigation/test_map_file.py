@@ -194,6 +194,16 @@ def test_a_map_of_any_name_is_loaded_again(grid: Grid, tmp_path: Path, name: str
     assert np.array_equal(loaded.cells, grid.cells)
 
 
+def test_a_picture_of_real_numbers_is_refused_as_nobody_knows_what_is_white(
+    tmp_path: Path,
+) -> None:
+    Image.fromarray(np.full((5, 5), 0.99, dtype=np.float32)).save(tmp_path / 'a.tiff')
+    text = 'image: a.tiff\nresolution: 0.05\norigin: [0, 0, 0]\n'
+    (tmp_path / 'a.yaml').write_text(text)
+    with pytest.raises(UserError, match='a.tiff: has real numbers, wanted whole ones'):
+        load_map(tmp_path / 'a.yaml')
+
+
 @for_all('suffix', ['png', 'pgm'])
 def test_a_picture_of_16_bits_is_the_same_map(tmp_path: Path, suffix: str) -> None:
     greys = np.array([[0, 12, 127, 205, 255]] * 3, dtype=np.uint16)

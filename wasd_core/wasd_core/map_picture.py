@@ -202,6 +202,8 @@ def _read_shares(path: Path, negate: bool, mode: str = 'trinary') -> np.ndarray:
             if math.prod(picture.size) > MOST_PIXELS:
                 wanted = f'wanted at most {MOST_PIXELS} pixels'
                 raise MapFileError(f'{path}: {wanted}, got {picture.width} x {picture.height}')
+            if picture.mode == 'F':  # their white may be 1 or 255
+                raise MapFileError(f'{path}: has real numbers, wanted whole ones, as in a PNG')
             if picture.has_transparency_data:  # it is seen on white
                 picture = picture.convert('RGBA')
                 opaque = np.asarray(picture.getchannel('A')) == 255
