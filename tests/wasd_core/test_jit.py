@@ -313,6 +313,40 @@ def test_what_is_compiled_loads_no_part_of_numba_that_it_calls_compiled(kernels)
     assert said == ['1.0', '1', 'False', '6.0']
 
 
+PARSED = """
+from llvmlite import binding
+parse, parsed = binding.parse_bitcode, []
+binding.parse_bitcode = lambda *words: parsed.append(words) or parse(*words)
+import numba
+from kernels.size import size
+print(size(), len(parsed))
+if size.stats.cache_hits:
+    print(numba.njit(lambda: size() + 1)(), len(parsed) > 0)
+"""
+
+
+def test_what_is_loaded_is_parsed_once_it_is_compiled_into_another_function(kernels):
+    assert kernels.use() == '1'
+    assert kernels.run(PARSED).splitlines() == ['1 0', '2 True']
+
+
+RECORDS = """
+from kernels.size import size
+import numba, numpy
+from numba.np import numpy_support
+find, found = numpy_support.from_dtype, []
+numpy_support.from_dtype = lambda dtype: found.append(dtype.kind) or find(dtype)
+fields = [('mass', float)]
+kinds = [numpy.dtype(fields), numpy.dtype(fields), numpy.dtype(fields, align=True)]
+first, same, aligned = [numba.typeof(numpy.zeros(1, kind)).dtype for kind in kinds]
+print(found.count('f'), first == same, first.aligned, aligned.aligned)
+"""
+
+
+def test_the_type_of_a_record_is_found_once(kernels):
+    assert kernels.run(RECORDS) == '2 True False True'
+
+
 NAMES = """
 from kernels.size import size
 size()
