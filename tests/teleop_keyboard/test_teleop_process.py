@@ -82,10 +82,17 @@ def test_parameters_are_listed_and_set_while_it_drives(pty_process, listener):
     def ask(service_type, name, request):
         client = listener.node.create_client(service_type, f'keys_to_twist/{name}')
         assert client.wait_for_service(PATIENCE)
-        answer = client.call_async(request)
-        while not answer.done():
-            hold(process, b'i', 1 / 30)
-        return answer.result()
+        answers = []
+
+        def is_answered():
+            # An answer is lost when the service has not found the asker yet: it asks until one
+            # comes.
+            answers.append(client.call_async(request))
+            hold(process, b'i', 0.2)
+            return any(answer.done() for answer in answers)
+
+        wait_until(is_answered)
+        return next(answer.result() for answer in answers if answer.done())
 
     def set_speed(value):
         number = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
