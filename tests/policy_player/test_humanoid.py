@@ -351,3 +351,15 @@ def test_other_processes_press_its_keys_drive_it_and_hear_its_state(ros, tmp_pat
     finally:
         peer.destroy_node()
         run.close()
+
+
+@pytest.mark.parametrize(('interactive', 'times'), [(False, 2), (True, 0)])
+def test_a_refused_key_or_velocity_is_told_once_in_the_log_where_no_status_line_is(
+    run_of, caplog, interactive, times
+):
+    (robot,) = run_of(interactive=interactive).robots
+    robot.press('p', 'keys')
+    for _ in range(3):
+        robot.drive((0.3, 0.0, 0.0), 'script')
+    said = [record.getMessage() for record in caplog.records]
+    assert said == ['g1: give --policy FILE: there is no network to walk with'] * times

@@ -107,7 +107,7 @@ class Legged(Robot):
         refused = self.controller.command(velocity)
         # Once: velocities come twenty times a second, and would hide the answers to keys.
         if refused and refused != self._refused:
-            self.say(refused)
+            self._answer(refused)
         self._refused = refused
 
     def control(self) -> None:
@@ -117,8 +117,7 @@ class Legged(Robot):
         reading = Reading(JointStates(*(part[motors] for part in joints)), imu)
         world.apply(self.controller.step(reading, self.period))
         if remark := self.controller.take_remark():
-            self.say(remark)
-            self.log.warning('%s: %s', self.name, remark)
+            self._answer(remark)
         self.hoist.step(self.period)
 
     def press_state(self, key: str) -> None:
@@ -127,7 +126,7 @@ class Legged(Robot):
         if not is_press(key):
             return
         if name in STATE_KEYS:
-            self.notice.say(self.controller.press(name))
+            self._answer(self.controller.press(name))
         elif name == HOIST_KEY and self.hoist.is_on:
             self.hoist.let_go()
             self.say('the hoist has let go')
@@ -166,6 +165,12 @@ class Legged(Robot):
         axes = axes_of((vx, vy, wz), measured, controller.full)
         state = 'fallen' if controller.is_fallen else self.state
         return Status(state, facts, self.notice.text, axes)
+
+    def _answer(self, words: str) -> None:
+        """Tell the driver; in the log, too, where that breaks no status line."""
+        self.notice.say(words)
+        if words and not self.options.interactive:
+            self.log.warning('%s: %s', self.name, words)
 
     def _press(self, key: str, is_pressed: bool) -> None:
         if is_pressed or key == self.named(PASSIVE):
