@@ -187,7 +187,8 @@ def test_the_robot_stops_when_keyboard_or_teleop_are_killed_outright(
     twist.kill()
     twist.wait()
     listener.keys.clear()
-    process = pty_process(*TELEOP)
+    # By a key that latches: it goes on until the test is there.
+    process = pty_process(*TELEOP, '--ros-args', '-p', 'mode:=latch')
     listener.probe(process)
     robot.drive(process)
     process.process.send_signal(signal.SIGKILL)
