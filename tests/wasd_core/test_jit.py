@@ -283,6 +283,11 @@ from kernels.size import size
 size()
 print([name for name in ('numba.np.arraymath', 'scipy.linalg') if name in sys.modules])
 """
+MEMORY = """
+from kernels.size import total
+from numba.core.runtime import rtsys
+print(total(), rtsys._init)
+"""
 COMPILES = """
 import numba, numpy
 print(numba.njit(lambda half: half @ half)(numpy.full((2, 2), 0.5))[0, 0])
@@ -295,6 +300,13 @@ def test_what_is_compiled_loads_nothing_to_compile_with(kernels):
     assert kernels.run(LOADED).splitlines() == ["['numba.np.arraymath', 'scipy.linalg']"]
     # From the cache.
     assert kernels.run(LOADED + COMPILES).splitlines() == ['[]', '0.5']
+
+
+def test_what_is_compiled_allocates_without_what_numba_compiles_for_that(kernels):
+    assert kernels.run(MEMORY) == '1.0 True'
+    # From the cache; then numba compiles what allocates.
+    more = 'import numba, numpy; print(numba.njit(lambda: numpy.ones(3))().sum(), rtsys._init)'
+    assert kernels.run(f'{MEMORY}{more}\n').splitlines() == ['1.0 False', '3.0 True']
 
 
 SUMS = """

@@ -43,7 +43,7 @@ def _import_numba() -> None:
 _import_numba()
 
 from numba.core import caching, codegen, environment  # noqa: E402
-from numba.core.runtime.nrt import rtsys  # noqa: E402
+from numba.core.runtime import nrt  # noqa: E402
 from numba.np import numpy_support  # noqa: E402
 
 
@@ -251,8 +251,16 @@ class OwnCache(caching.FunctionCache):
         """
         Return a function from the cache, None if it is not there.
 
-        What is compiled needs numba's memory, but none of what numba compiles with: to prepare
-        that, as numba does here, takes a tenth of a start. It does so before it compiles.
+        What is compiled calls numba's memory by name, but none of what numba compiles with: to
+        prepare that, as numba does here, takes a tenth of a start. It does so before it compiles.
         """
-        rtsys.initialize(target_context)
+        _name_memory()
         return self._load_overload(sig, target_context)
+
+
+@functools.cache
+def _name_memory() -> None:
+    """Tell LLVM where the functions of numba's memory are, under the names that numba gives."""
+    memory: Any = nrt
+    for name, address in memory._nrt.c_helpers.items():
+        memory.ll.add_symbol(name if name.startswith('_') else f'NRT_{name}', address)
