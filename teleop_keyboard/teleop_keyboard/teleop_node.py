@@ -118,7 +118,9 @@ class Teleop:
             if notice := self._reader.take_notice():
                 self._notice.say(notice)
             self._executor.handle()
-            self._show(screen)
+            # A screen that Ctrl-Z gives back in the midst of a frame would count as open after it.
+            with self._reader.undisturbed():
+                self._show(screen)
 
     def _answer(self, key: str, screen: Screen) -> None:
         """Say what a press did where that is not seen, or show the keys."""

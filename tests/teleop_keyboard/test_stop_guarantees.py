@@ -117,6 +117,36 @@ def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
     assert process.attributes == process.before
 
 
+# A teleop for which Ctrl-Z comes as a frame has just been written, once a file is there.
+IN_A_FRAME = """
+import os, signal, sys
+from teleop_keyboard import screen, teleop_node
+offer, now = screen.offer, os.path.join(os.environ['FOLDER'], 'now')
+def offer_and_suspend(*words):
+    is_taken = offer(*words)
+    if os.path.exists(now):
+        os.remove(now)
+        os.kill(os.getpid(), signal.SIGTSTP)
+    return is_taken
+screen.offer = offer_and_suspend
+sys.exit(teleop_node.main())
+"""
+
+
+def test_after_ctrl_z_within_a_frame_the_screen_is_opened_again(pty_process, listener, tmp_path):
+    words = ('-S', '-c', SHELL, '-c', IN_A_FRAME)
+    process = pty_process(*words, environment={'FOLDER': str(tmp_path)})
+    listener.probe(process)
+    for name in ('bg', 'fg', 'now'):
+        (tmp_path / name).touch()
+    wait_until(lambda: process.type(b'P') or b'BEHIND' in process.output)
+    wait_until(lambda: b'\x1b[?1049h' in process.output.rpartition(b'BEHIND')[2])
+    assert b'\x1b[?1049l' in process.output.partition(b'SUSPENDED')[0]
+    process.type(b'\x03')
+    assert process.wait() == 0
+    assert process.output.rstrip().endswith(b'\x1b[?1049l')
+
+
 def test_begun_behind_it_leaves_the_terminal_alone_until_bash_has_it_in_front(
     pty_process, listener
 ):
