@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 pytestmark = pytest.mark.slow
 
-RADIUS, SPEED, TIMEOUT = 0.06, 0.3, 0.5
+RADIUS, SPEED, STANDSTILL, TIMEOUT = 0.06, 0.3, 0.005, 0.5
 
 
 @pytest.fixture
@@ -109,10 +109,12 @@ def test_a_drive_that_was_stopped_stands_when_it_goes_on(spawn, spin_until, cont
         drive.is_sending = False
         drive.run(stopped - still_sent)
         controller.send_signal(signal.SIGCONT)
-        begin, speeds = drive.run_on(TIMEOUT + 1.2)
+        begin, speeds = drive.run_on(TIMEOUT)
+        while speeds[-1][1] >= STANDSTILL:  # on a busy machine the wheels are told late
+            assert drive.world.time < begin + 10.0 * TIMEOUT
+            speeds += drive.run(0.1)
         assert max(speed for _, speed in speeds) <= 1.05 * SPEED
-        late = [speed for when, speed in speeds if when > begin + TIMEOUT + 0.5]
-        assert max(late) < 0.005
+        assert max(speed for _, speed in drive.run(1.0)) < STANDSTILL
     # It was not stopped for good.
     drive.is_sending = True
     drive.reach(SPEED)
