@@ -27,15 +27,7 @@ def test_a_worker_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path) -
     done = subprocess.run(
         [
             sys.executable,
-            '-m',
-            'pytest',
-            '-n',
-            '1',
-            '-p',
-            'hanging',
-            '--rootdir',
-            '.',
-            'test_it.py',
+            *['-m', 'pytest', '-n', '1', '-p', 'hanging', '--rootdir', '.', 'test_it.py'],
         ],
         cwd=tmp_path,
         env={**os.environ, 'PYTHONPATH': str(Path(__file__).parents[1]), 'WASD_TEST_LIMIT': '4'},

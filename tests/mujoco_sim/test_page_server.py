@@ -27,18 +27,8 @@ from terminals import PATIENCE, wait_until
 from websockets.exceptions import ConnectionClosed, ConnectionClosedOK, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-PATHS = (
-    '/',
-    '/status',
-    '/ui',
-    '/state',
-    '/drop',
-    '/e_stop',
-    '/model',
-    '/web_client.js',
-    '/nothing',
-)
 SOCKETS = ('/ui', '/state', '/drop', '/e_stop')
+PATHS = ('/', '/status', *SOCKETS, '/model', '/web_client.js', '/nothing')
 CAMERA = CameraView(distance=1.0, azimuth=90.0, elevation=-20.0)
 
 

@@ -170,6 +170,7 @@ def test_alone_it_follows_its_own_clock(ros):
     held_until = time.monotonic()
     while received[-1][1] != STANDSTILL:
         executor.spin_once(timeout_sec=0.01)
+    assert max(velocity.vx for _, velocity in received) == 0.2
     # The ramp down takes 1/3 s; a busy machine is later.
     assert received[-1][0] - held_until > 1 / 3
     node.set_parameters([Parameter('rate', value=100.0)])

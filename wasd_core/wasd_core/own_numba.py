@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Keeps numba from reading files that another user can write.
+Loads numba, and what it has compiled: only files of ours, and only the parts that are needed.
 
 numba reads `.numba_config.yaml` in the current folder, when it is imported and before it compiles,
 and unpickles what lies in its cache: either one runs the code of the user who wrote it.
@@ -112,7 +112,7 @@ class _Library(codegen.JITCodeLibrary):
         return super().get_pointer_to_function(name)
 
 
-# How the name of that begins by which Python calls a compiled function.
+# The prefix of the names of wrappers, by which Python calls compiled functions.
 WRAPPER = '_ZN7cpython'
 codegen.JITCPUCodegen._library_class = _Library
 

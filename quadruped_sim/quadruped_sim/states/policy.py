@@ -37,7 +37,7 @@ AVERAGE_TIME = 0.5
 LOOK_PERIOD = 0.01
 # A foot that touches is trusted wholly after so long [s].
 TRUST_TIME = 0.03
-# Those of a command.
+# The least and the most vx, vy [m/s] and wz [rad/s] of a command.
 RANGES: Any = tuple[(tuple[float, float],) * 3]  # type: ignore[misc]
 # Velocity and effort of a walker's command.
 _ZERO = NO_TORQUE.position
