@@ -27,7 +27,7 @@ class TableWire:
     def __init__(self):
         self.told, self.come = defaultdict(list), defaultdict(list)
         self.on_tell = {}  # by topic: what is done with each message
-        self.waits = 0
+        self.waits = self.sent_by = 0
         # Pictures and clouds take long: who looks at them says so.
         slow = (topics.VIDEO, topics.response('videohub'), *topics.LIDAR_OUT)
         self.unheard = {topic.name for topic in slow}
@@ -43,6 +43,9 @@ class TableWire:
     def take(self, topic):
         found = self.come.pop(topic.name, [])
         return found[-topic.depth :]
+
+    def sender(self, topic):
+        return self.sent_by
 
     def has_come(self, topics):
         return any(self.come.get(topic.name) for topic in topics)

@@ -229,6 +229,25 @@ def test_ten_thousand_commands_a_second_are_as_good_as_five_hundred(undisturbed)
     assert np.abs(efforts - undisturbed).max() <= 0.1
 
 
+def test_of_two_programs_at_once_and_of_a_mode_without_torque_a_line_is_said():
+    rig = Rig()
+    for sender in (1, 1, 2, 2):  # one goes on by another publisher
+        rig.wire.sent_by = sender
+        rig.command(low_cmd(STANDING, kp=60.0))
+        rig.run(DT)
+    assert not any('LowCmd: no' in line or 'two programs' in line for line in rig.said)
+    for sender in (1, 2, 1, 2):
+        rig.wire.sent_by = sender
+        rig.command(low_cmd(STANDING, kp=60.0, mode=np.arange(12) % 2))
+        rig.run(DT)
+    said = ' '.join(rig.said)
+    assert said.count('two programs command the motors in turn') == 1
+    assert said.count('the mode is not 1, in motors 0, 2, 4, 6, 8, 10') == 1
+    rig.command(low_cmd(STANDING, mode=0))  # none is asked for
+    rig.run(DT)
+    assert said == ' '.join(rig.said)
+
+
 @pytest.mark.slow
 def test_stop_values_push_nothing(rig):
     rig.stand_by_motors(0.1, kp=0.0, kd=0.0)

@@ -230,7 +230,8 @@ class Bridge:
         """Take the last LowCmd that has come; return whether it counts."""
         taken = self._wire.take(topics.LOW_CMD)
         was_released = self.low.is_released
-        if not taken or not self.low.take(taken[-1], self._robot.take_motors):
+        sender = self._wire.sender(topics.LOW_CMD)
+        if not taken or not self.low.take(taken[-1], self._robot.take_motors, sender):
             return False
         self._answers = self._has_begun = True
         if not was_released:

@@ -69,6 +69,7 @@ class DdsWire:
         self._readers = {t.name: self._reader(topics[t.name], t.depth) for t in into}
         self._arrivals: dict[tuple[str, ...], WaitSet] = {}
         self._heard: set[str] = set()
+        self._senders: dict[str, int] = {}
 
     def publish(self, topic: Topic, raw: bytes) -> None:
         """Send a message; one that a listener has no room for is lost to it."""
@@ -93,11 +94,18 @@ class DdsWire:
 
     def take(self, topic: Topic) -> list[bytes]:
         """Return the messages that have come, and no more than the topic keeps."""
-        return [
-            bytes(sample.raw)
+        samples = [
+            sample
             for sample in self._readers[topic.name].take(topic.depth)
             if hasattr(sample, 'raw')  # and no word of one who is gone
         ]
+        if samples:
+            self._senders[topic.name] = samples[-1].sample_info.publication_handle
+        return [bytes(sample.raw) for sample in samples]
+
+    def sender(self, topic: Topic) -> int:
+        """Return whose the message is that was taken last, a number."""
+        return self._senders.get(topic.name, 0)
 
     def has_come(self, topics: tuple[Topic, ...]) -> bool:
         """Return whether there is a message of any of these topics."""

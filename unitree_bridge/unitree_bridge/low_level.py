@@ -33,10 +33,15 @@ _RESERVE = _CMD.field('reserve')
 
 
 class LowCommand(NamedTuple):
-    """A program's command to the motors, in Unitree's order; the tick that it answers, or 0."""
+    """
+    A program's command to the motors, in Unitree's order; the tick that it answers, or 0.
+
+    `idle` are the motors that are asked for torque and have a mode in which there is none.
+    """
 
     command: JointCommand
     tick: int
+    idle: tuple[int, ...] = ()
 
 
 def read_low_command(raw: bytes) -> LowCommand:
@@ -66,8 +71,9 @@ def read_low_command(raw: bytes) -> LowCommand:
     if (aims[3:] < 0.0).any():
         raise InvalidMessage('a gain is below 0')
     enabled = np.frombuffer(raw, np.uint8)[_MODES] == ENABLED
+    idle = tuple(np.flatnonzero(aims[2:].any(axis=0) & ~enabled).tolist())
     q, dq, tau, kp, kd = aims * enabled
-    return LowCommand(JointCommand(q, dq, tau, kp, kd), int(_RESERVE.of(raw)[0]))
+    return LowCommand(JointCommand(q, dq, tau, kp, kd), int(_RESERVE.of(raw)[0]), idle)
 
 
 class LowLevel:
@@ -90,6 +96,7 @@ class LowLevel:
         self.is_released = False
         self.refused = 0
         self._is_ignored = False
+        self._senders = (0, 0)  # the last, and the other one before
         self._asks.reset()
         self.stop()
 
@@ -123,7 +130,7 @@ class LowLevel:
         self._is_ignored = self._asks.is_alive
         self.stop()
 
-    def take(self, raw: bytes, admit: Callable[[], bool]) -> bool:
+    def take(self, raw: bytes, admit: Callable[[], bool], sender: int = 0) -> bool:
         """Take a LowCmd if it is one, and if `admit` says that it counts; return whether."""
         try:
             command = read_low_command(raw)
@@ -136,10 +143,21 @@ class LowLevel:
             self.refused += 1
             self._complain('LowCmd ignored: the robot was stopped (end the program)')
             return False
+        self._look_for_mistakes(command, sender)
         self._last = command
         self._heard.hear()
         self.release()
         return True
+
+    def _look_for_mistakes(self, command: LowCommand, sender: int) -> None:
+        if command.idle:
+            motors = ', '.join(map(str, command.idle))
+            self._complain(f'LowCmd: no torque, as the mode is not 1, in motors {motors}')
+        last, other = self._senders
+        if sender != last:
+            if sender == other and self.is_live:
+                self._complain('LowCmd: two programs command the motors in turn (end one of them)')
+            self._senders = sender, last
 
     def step(self, dt: float) -> JointCommand | None:
         """Let `dt` [s] pass; return the command in force, None where our controller's is."""

@@ -18,6 +18,9 @@ class Wire(Protocol):
     def take(self, topic: Topic) -> list[bytes]:
         """Return the messages that have come, and no more than the topic keeps."""
 
+    def sender(self, topic: Topic) -> int:
+        """Return whose the message is that was taken last, a number."""
+
     def has_come(self, topics: tuple[Topic, ...]) -> bool:
         """Return whether there is a message of any of these topics."""
 
