@@ -19,6 +19,8 @@ WORLD_NAMES = (
 WORLD_KINDS = (
     'an MJCF or URDF file, or a floor plan: FILE.yaml of a map, or PICTURE,METRES_PER_PIXEL'
 )
+# MuJoCo tells the kind of a file by its ending.
+WORLD_FILES = ('.xml', '.urdf')
 # Of feet or wheels on a floor.
 FRICTION = (0.01, 2.0)
 # The most that a robot is loaded with [kg]. A Go2 carries 8, at most 12; others here weigh more.

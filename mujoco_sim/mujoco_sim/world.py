@@ -26,7 +26,7 @@ from wasd_core.robot_io import (
 
 from mujoco_sim.boxes import add_boxes, MovingBoxes
 from mujoco_sim.noise import NoisySensors
-from mujoco_sim.parameters import BoxSize, Drawn
+from mujoco_sim.parameters import BoxSize, Drawn, WORLD_FILES
 from mujoco_sim.robot_parts import put_at_start, RobotParts
 from mujoco_sim.robot_setup import robot_spec, RobotSetup
 from mujoco_sim.scene import add_scene, lead_sun
@@ -674,7 +674,19 @@ def build_world(
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     add_boxes(spec, boxes)
     lead_sun(spec, loaded.robot.base)
-    return World(spec, loaded.robot.base, seed, setup)
+    made = World(spec, loaded.robot.base, seed, setup)
+    _tell_of_start(world, [made])
+    return made
+
+
+def _tell_of_start(world: str, robots: Sequence[World]) -> None:
+    if not world.lower().endswith(WORLD_FILES):
+        return
+    from mujoco_sim.world_file import tell_of_start  # here, because few worlds are files
+
+    for robot in robots:
+        if robot.parts.pose is not None:
+            tell_of_start(world, robot.model, robot.data, robot.root)
 
 
 def build_shared_world(
@@ -707,6 +719,7 @@ def build_shared_world(
         World(physics, loaded.robot.base, seed, setup, prefix) for prefix, loaded, setup in robots
     ]
     physics.reset()
+    _tell_of_start(world, worlds)
     return worlds
 
 

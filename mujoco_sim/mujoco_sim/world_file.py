@@ -20,16 +20,19 @@ import numpy as np
 from wasd_core.errors import one_line, SimulationError
 from wasd_core.map_picture import yaml_beside
 
-from mujoco_sim.parameters import WORLD_KINDS, WORLD_NAMES
+from mujoco_sim.parameters import WORLD_FILES, WORLD_KINDS, WORLD_NAMES
 
 LOGGER = logging.getLogger(__name__)
-# MuJoCo tells the kind of a file by its ending.
-WORLD_FILES = ('.xml', '.urdf')
 # What a file may have, and its replicate, composite and flexcomp make, one within the other.
 MOST_COPIES = 100_000
 # Of so many files copies are counted; how large each may be [B], and a height field or a texture.
 MOST_INCLUDED, LARGEST_INCLUDED, MOST_CELLS = 50, 20_000_000, 50_000_000
 SIDES = {'hfield': ('nrow', 'ncol'), 'texture': ('width', 'height')}
+PREFIX = 'world/'
+# A robot that begins deeper in a shape, or higher above the ground, is told of [m]; feet of one
+# that lies are in the floor by a centimetre or two.
+DEEP, HIGH = 0.03, 0.5
+_DOWN = np.array((0.0, 0.0, -1.0))
 
 
 def attach_world_file(spec: mujoco.MjSpec, world: str) -> None:
@@ -75,11 +78,65 @@ def attach_world_file(spec: mujoco.MjSpec, world: str) -> None:
             # The boxes around shapes are MuJoCo's, not the file's.
             if not name.startswith('bvh_') and not _is_sound(name, getattr(model, name)):
                 raise ValueError(f'got NaN or infinity for {name}')
-        spec.attach(surroundings, prefix='world/', frame=spec.worldbody.add_frame())
+        spec.attach(surroundings, prefix=PREFIX, frame=spec.worldbody.add_frame())
     except UnicodeDecodeError:  # MuJoCo takes no notice of an encoding that a file declares
         raise SimulationError(f'{world}: a name in it is not UTF-8 text') from None
     except ValueError as error:
         raise SimulationError(f'{world}: {_in_words(one_line(error))}') from None
+
+
+def tell_of_start(world: str, model: mujoco.MjModel, data: mujoco.MjData, root: int) -> None:
+    """Say where a robot that is at its start is inside what a file describes, or above nothing."""
+    own = model.body_rootid[model.geom_bodyid] == root
+    pairs, depths = data.contact.geom, -data.contact.dist
+    depths = np.where(own[pairs].sum(axis=1) == 1, depths, 0.0)
+    if depths.max(initial=0.0) > DEEP:
+        deepest = int(depths.argmax())
+        (other,) = (geom for geom in pairs[deepest].tolist() if not own[geom])
+        kind = mujoco.mjtGeom(model.geom_type[other]).name.removeprefix('mjGEOM_').lower()
+        body = model.geom_bodyid[other]
+        name = model.geom(other).name or (model.body(body).name if body else f'a {kind}')
+        hull = ', which is solid as its convex hull' if kind == 'mesh' else ''
+        LOGGER.warning(
+            '%s: the robot begins %.2f m deep in %r%s (on z = 0, at x %.1f, y %.1f)',
+            *(world, depths[deepest], name.removeprefix(PREFIX), hull, *data.xpos[root, :2]),
+        )
+        return
+    fall = _fall(model, data, own, data.subtree_com[root])
+    if fall > HIGH:
+        what = 'no ground' if math.isinf(fall) else f'the ground {fall:.2f} m'
+        LOGGER.warning(
+            "%s: there is %s below the robot's start (on z = 0, at x %.1f, y %.1f)",
+            *(world, what, *data.xpos[root, :2]),
+        )
+
+
+def _fall(
+    model: mujoco.MjModel, data: mujoco.MjData, own: np.ndarray, centre: np.ndarray
+) -> float:
+    """Return how far below z = 0 what bears a robot is [m], infinity where nothing does."""
+    kinds, others = (
+        int(np.bitwise_or.reduce(each[own], initial=0))
+        for each in (model.geom_contype, model.geom_conaffinity)
+    )
+    bears = ~own & (((model.geom_contype & others) | (model.geom_conaffinity & kinds)) != 0)
+    falls = [math.inf]
+    # A plane has no end, but for rays.
+    for plane in np.flatnonzero(bears & (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)):
+        normal = data.geom_xmat[plane, 2::3]
+        if normal[2] > 0.0:
+            falls.append(-float(centre[2] - normal @ (centre - data.geom_xpos[plane]) / normal[2]))
+    at, hit = centre.copy(), np.zeros(1, np.int32)
+    for _ in range(2 * model.ngeom):
+        way = mujoco.mj_ray(model, data, at, _DOWN, None, 1, -1, hit)
+        if way < 0.0:
+            break
+        at[2] -= way
+        if bears[hit[0]]:
+            falls.append(-float(at[2]))
+            break
+        at[2] -= 1e-6  # from there on, through it
+    return min(falls)
 
 
 def _is_sound(name: str, value: Any) -> bool:

@@ -5,8 +5,9 @@ import struct
 from cases import for_all
 import mujoco
 from mujoco_sim.parameters import BoxSize
+from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import ROOM_SIZE, WALL_HEIGHT
-from mujoco_sim.world import build_world
+from mujoco_sim.world import build_shared_world, build_world
 import numpy as np
 import pytest
 from wasd_core.errors import SimulationError
@@ -259,6 +260,38 @@ def test_a_world_of_ranges_without_end_is_taken(loaded, tmp_path, joint, more):
     world = build_world(loaded, str(path))
     world.step(20)
     assert np.isfinite(world.data.qpos).all()
+
+
+@pytest.mark.parametrize(
+    ('geoms', 'told'),
+    [
+        ('<geom type="plane" size="1 1 1" pos="9 0 0" euler="0 -4 0"/>', 'ground 0.63 m'),
+        ('<geom type="plane" size="1 1 1" pos="9 0 0"/>', ''),
+        ('<geom type="box" size="1 1 .1" pos="0 0 -.1"/>', ''),
+        ('<geom type="box" size="1 1 .1" pos="3 0 -.1"/>', 'is no ground below the robot'),
+        ('<geom type="box" size="9 9 .1" pos="0 0 -2.1"/>', 'is the ground 2.00 m below'),
+        ('<geom type="box" size="9 9 .1" contype="2" conaffinity="2"/>', 'no grou'),
+        (
+            '<geom name="top" type="box" size="9 9 1"/>',
+            "deep in 'top' (on z = 0, at x 0.0, y 0.0)",
+        ),
+        ('<body name="oak"><joint/><geom size=".3"/></body>', "deep in 'oak'"),
+        ('<geom size=".3"/>', "deep in 'a sphere'"),
+        ('<geom name="hut" type="mesh" mesh="hut"/>', "deep in 'hut', which is solid as its"),
+    ],
+)
+def test_a_world_file_with_no_place_for_the_robot_is_told(loaded, tmp_path, caplog, geoms, told):
+    path = tmp_path / 'hall.xml'
+    hut = '<mesh name="hut" vertex="-3 -3 0 3 -3 0 3 3 0 -3 3 0 -3 -3 3 3 -3 3 3 3 3 -3 3 3"/>'
+    path.write_text(f'<mujoco><asset>{hut}</asset><worldbody>{geoms}</worldbody></mujoco>')
+    build_world(loaded, str(path))
+    assert [told in line and str(path) in line for line in caplog.messages] == [True] * bool(told)
+    robots = [
+        (prefix, loaded, RobotSetup(place=(y, 0.0))) for prefix, y in (('a/', 0.1), ('b/', 0.7))
+    ]
+    caplog.clear()
+    build_shared_world(robots, str(path))
+    assert bool(caplog.messages) == bool(told)
 
 
 def test_a_world_of_gazebo_is_told_by_its_kind(loaded, tmp_path):
