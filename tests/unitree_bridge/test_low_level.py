@@ -6,7 +6,7 @@ import math
 from cases import for_all
 import numpy as np
 import pytest
-from unitree_bridge.cdr import Layout
+from unitree_bridge.cdr import decode, Layout
 from unitree_bridge.low_level import (
     LowLevel,
     POSITION_STOP,
@@ -18,7 +18,7 @@ from unitree_bridge.low_level import (
 from unitree_bridge.motion import SILENCE as SILENCE_AFTER_A_STOP
 from unitree_bridge.remote import Remote
 from unitree_bridge.robot import MOTORS, to_motors
-from unitree_bridge.shapes import LOW_STATE
+from unitree_bridge.shapes import LOW_STATE, SPORT_MODE_STATE
 from unitree_rig import low_cmd, positions, request, Rig, STANDING
 from wasd_core.errors import InvalidMessage
 from wasd_core.robot_io import JointCommand
@@ -297,6 +297,18 @@ def test_a_command_that_does_not_count_is_said_once_and_moves_nothing():
 def test_the_tick_counts_milliseconds_and_begins_anew_in_32_bits():
     assert [tick_of(0.002 * n) for n in range(4)] == [0, 2, 4, 6]
     assert tick_of(2**32 / 1e3 + 0.002) == 2
+
+
+def test_states_are_told_at_20_hz_under_the_names_of_a_radio_link():
+    rig = Rig()
+    rig.run(1.0)
+    told = {topic: rig.wire.told[topic] for topic in ('rt/lf/lowstate', 'rt/lf/sportmodestate')}
+    assert [len(messages) for messages in told.values()] == [20, 20]
+    assert set(told['rt/lf/lowstate']) < set(rig.wire.told['rt/lowstate'])
+    ticks = [decode(LOW_STATE, raw)['tick'] for raw in told['rt/lf/lowstate']]
+    assert set(np.diff(ticks)) == {50}
+    stamps = [decode(SPORT_MODE_STATE, raw)['stamp'] for raw in told['rt/lf/sportmodestate']]
+    assert [stamp['nanosec'] for stamp in stamps[:3]] == [0, 50_000_000, 100_000_000]
 
 
 @pytest.mark.slow

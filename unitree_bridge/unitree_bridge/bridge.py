@@ -13,7 +13,7 @@ from unitree_bridge.legs_robot import LegsRobot
 from unitree_bridge.low_level import LowLevel, LowStates, tick_of
 from unitree_bridge.motion import Motion, SILENCE
 from unitree_bridge.remote import read_remote, Remote
-from unitree_bridge.robot import Senses, to_motors
+from unitree_bridge.robot import to_motors
 from unitree_bridge.rpc import Leases, serve, Service
 from unitree_bridge.services import (
     MotionSwitcher,
@@ -28,9 +28,11 @@ from unitree_bridge.utlidar import LidarTopics
 from unitree_bridge.video import FrontVideo
 from unitree_bridge.wire import Wire
 
-# How often LowState is told, SportModeState and the remote, and who listens is looked up [Hz].
+# How often LowState is told, SportModeState and the remote, both again under their slow names, and
+# who listens is looked up [Hz].
 LOW_STATE_RATE = 500.0
 SPORT_STATE_RATE = 50.0
+SLOW_RATE = 20.0
 LOOK_RATE = 20.0
 # What the remote says holds for so long [s].
 _REMOTE_SILENCE = 0.5
@@ -78,7 +80,7 @@ class Bridge:
         self._video = FrontVideo(robot, self._say)
         self._wanted: list[FrontVideo | LidarTopics] = []
         self.services = self._make_services()
-        self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
+        self._looks, self._sport_beat, self._low_beat, self._slow_beat = (Beat() for _ in range(4))
         self._sticks, self._buttons = Watchdog(_REMOTE_SILENCE), Watchdog(_REMOTE_SILENCE)
         # Sticks that are ignored until they are centred, or silent for so long.
         self._ignored_sticks = Watchdog(SILENCE)
@@ -195,15 +197,16 @@ class Bridge:
         if self._looks.is_due(time, LOOK_RATE):
             self._look()
         wants_sport = self._sport_beat.is_due(time, SPORT_STATE_RATE)
-        wants_low = self._low_beat.is_due(time, LOW_STATE_RATE) and wire.is_heard(topics.LOW_STATE)
-        wants_sport_state = wants_sport and wire.is_heard(topics.SPORT_MODE_STATE)
-        if wants_low or wants_sport_state:
-            senses = self._robot.senses()
-            if wants_low:
-                self._tell_low_state(time, senses)
-            if wants_sport_state:
-                raw = self._sport_states.write(self._robot, senses)
-                wire.publish(topics.SPORT_MODE_STATE, raw)
+        wants_slow = self._slow_beat.is_due(time, SLOW_RATE)
+        due = (
+            (topics.LOW_STATE, self._low_beat.is_due(time, LOW_STATE_RATE)),
+            (topics.SPORT_MODE_STATE, wants_sport),
+            (topics.SLOW_LOW_STATE, wants_slow),
+            (topics.SLOW_SPORT_STATE, wants_slow),
+        )
+        told = [topic for topic, is_due in due if is_due and wire.is_heard(topic)]
+        if told:
+            self._tell_states(time, told)
         if wants_sport and wire.is_heard(topics.REMOTE):
             wire.publish(topics.REMOTE, self._robot.remote.message())
         for slow in self._wanted:
@@ -221,10 +224,15 @@ class Bridge:
             if any(map(wire.is_heard, topics.LIDAR_OUT)):
                 self._wanted.append(self._lidar)
 
-    def _tell_low_state(self, time: float, senses: Senses) -> None:
-        if self._wire.is_heard(topics.LOW_STATE):
-            raw = self._low_states.write(time, senses, self._robot.remote.in_low_state())
-            self._wire.publish(topics.LOW_STATE, raw)
+    def _tell_states(self, time: float, told: list[topics.Topic]) -> None:
+        """Tell of what is measured now, on topics of LowState and SportModeState."""
+        senses = self._robot.senses()
+        for topic in told:
+            if topic.shape is topics.LOW_STATE.shape:
+                raw = self._low_states.write(time, senses, self._robot.remote.in_low_state())
+            else:
+                raw = self._sport_states.write(self._robot, senses)
+            self._wire.publish(topic, raw)
 
     def _take_command(self) -> bool:
         """Take the last LowCmd that has come; return whether it counts."""
@@ -247,7 +255,8 @@ class Bridge:
         if not self._has_begun:
             # A program that joined meanwhile has not got the LowState of this instant.
             self._look()
-            self._tell_low_state(now, self._robot.senses())
+            if self._wire.is_heard(topics.LOW_STATE):
+                self._tell_states(now, [topics.LOW_STATE])
             return False
         self._held += HOLD
         if self._held < PATIENCE:

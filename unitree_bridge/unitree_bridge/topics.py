@@ -17,6 +17,9 @@ class Topic(NamedTuple):
 
 LOW_STATE = Topic('rt/lowstate', shapes.LOW_STATE)
 SPORT_MODE_STATE = Topic('rt/sportmodestate', shapes.SPORT_MODE_STATE)
+# The same, seldom: what programs listen to over a radio link.
+SLOW_LOW_STATE = Topic('rt/lf/lowstate', shapes.LOW_STATE)
+SLOW_SPORT_STATE = Topic('rt/lf/sportmodestate', shapes.SPORT_MODE_STATE)
 REMOTE = Topic('rt/wirelesscontroller', shapes.WIRELESS_CONTROLLER)
 CLOUD = Topic('rt/utlidar/cloud', shapes.POINT_CLOUD)
 CLOUD_DESKEWED = Topic('rt/utlidar/cloud_deskewed', shapes.POINT_CLOUD)
@@ -25,7 +28,7 @@ LIDAR_IMU = Topic('rt/utlidar/imu', shapes.IMU)
 ROBOT_POSE = Topic('rt/utlidar/robot_pose', shapes.POSE_STAMPED)
 ROBOT_ODOM = Topic('rt/utlidar/robot_odom', shapes.ODOMETRY)
 VIDEO = Topic('rt/frontvideostream', shapes.FRONT_VIDEO)
-OUT = (LOW_STATE, SPORT_MODE_STATE, REMOTE, VIDEO)
+OUT = (LOW_STATE, SPORT_MODE_STATE, SLOW_LOW_STATE, SLOW_SPORT_STATE, REMOTE, VIDEO)
 LIDAR_OUT = (CLOUD, CLOUD_DESKEWED, HEIGHT_MAP, LIDAR_IMU, ROBOT_POSE, ROBOT_ODOM)
 
 LOW_CMD = Topic('rt/lowcmd', shapes.LOW_CMD)
