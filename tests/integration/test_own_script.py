@@ -124,6 +124,24 @@ def test_an_episode_after_a_reset_has_the_bits_of_the_first_and_of_a_new_robot()
     assert episode(own.Go2(seed=5)) == first
 
 
+def test_the_page_tells_after_which_periods_a_reset_gives_the_same_bits():
+    import wasd as own
+
+    robots = own.Go2(), own.Mbot()
+    periods = "{:g} ms, mbot's {:g} ms".format(*(1e3 * each._robot.period for each in robots))
+    assert f'({periods})' in (ROOT / 'docs' / 'your_own_script.md').read_text()
+
+    def drive(car: own.Mbot) -> list[float]:
+        car.drive(0.3, 0.4)
+        car.run(1.0)
+        return [*car.truth.position, *car.odometry.position]
+
+    after = own.Mbot(seed=5)
+    after.run(13 * 0.02)
+    after.reset()
+    assert drive(after) == drive(own.Mbot(seed=5))
+
+
 def test_a_velocity_ends_with_the_state_that_follows_it():
     import wasd
 
