@@ -17,8 +17,9 @@ import programs
 import pytest
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from terminals import PATIENCE, wait_until
-from wasd_bringup.tools.graph import ros_graph
+from wasd_bringup.tools.graph import commands, ros_graph
 from wasd_bringup.tools.graph.ros_graph import RosGraph
 from wasd_core.network import claim, Run
 import yaml
@@ -132,6 +133,22 @@ def test_other_commands_that_come_do_not_prolong_the_wait_for_a_name(isolated_ro
         for other in others:
             other.destroy_node()
     assert len(others) < 50
+
+
+def test_a_node_that_never_answers_is_not_waited_for_without_end(
+    isolated_ros: int, monkeypatch: Any, capsys: Any
+) -> None:
+    import rclpy
+
+    monkeypatch.setattr(commands, 'LONGEST_CALL', 0.5)
+    with RosGraph() as graph:
+        node = rclpy.create_node('deaf')  # nobody handles its messages
+        node.create_service(Trigger, 'deaf', lambda request, response: response)
+        given = SimpleNamespace(service='deaf', rest=[])
+        with pytest.raises(ros_graph.NotFound, match='no answer within 0.5 s; the request may'):
+            commands.call(graph, given)
+        node.destroy_node()
+    assert capsys.readouterr().out.count('making request') == 1
 
 
 def graph_that_sees(domain: int, drivers: Mapping[str, int]) -> Any:

@@ -5,6 +5,7 @@ import argparse
 from collections.abc import Callable, Sequence
 import functools
 import itertools
+import math
 import re
 import sys
 import time
@@ -38,6 +39,9 @@ HZ_PERIOD = 1.0
 TYPE_NAME = re.compile(r'\w+(/(msg|srv))?/[A-Z]\w*')
 # Time for the last message to leave if nobody confirms it [s].
 FAREWELL = 1.0
+# An answer that has not come after so long [s] is lost: services answer, actions bring results.
+LONGEST_CALL = 60.0
+RESULT = '/_action/get_result'
 # How `ros2 param get` calls the types of rcl_interfaces/ParameterType, in their order.
 KINDS = (
     'Parameter not set.',
@@ -165,7 +169,9 @@ def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
         raise NotFound(f'service {service} does not answer')
     print(f'requester: making request: {request!r}\n', flush=True)
     future = client.call_async(request)  # once: a request may do something each time
-    print(f'response:\n{_answer(graph, lambda: future, client.service_is_ready)!r}\n')
+    longest = math.inf if service.endswith(RESULT) else LONGEST_CALL
+    answer = _answer(graph, lambda: future, client.service_is_ready, longest)
+    print(f'response:\n{answer!r}\n')
     return 0
 
 
@@ -249,17 +255,28 @@ def _read_yaml(text: str) -> Any:
         raise UserError(f'not YAML: {text!r}: {reason}') from None
 
 
-def _answer(graph: RosGraph, ask: Callable[[], Any], is_there: Callable[[], bool]) -> Any:
+def _answer(
+    graph: RosGraph,
+    ask: Callable[[], Any],
+    is_there: Callable[[], bool],
+    longest: float = math.inf,
+) -> Any:
     """
     Return what a call brings, waiting as long as the node that was asked is there.
 
     Asks again in between: an answer is lost when the service has not found the asker yet.
+
+    Raises:
+        NotFound: no answer came, or not within the longest time [s].
     """
+    over = time.monotonic() + longest
     while True:
-        future, again = ask(), time.monotonic() + PATIENCE
+        future, again = ask(), min(time.monotonic() + PATIENCE, over)
         while not future.done() and time.monotonic() < again:
             graph.spin()
             if not (future.done() or is_there()):
                 raise NotFound('gone before it has answered')
         if future.done():
             return future.result()
+        if time.monotonic() >= over:
+            raise NotFound(f'no answer within {longest:g} s; the request may have been acted on')
