@@ -135,6 +135,21 @@ def test_a_network_that_says_no_number_ends_in_damping_and_a_line(playing, bad):
     assert playing.state == 'fixed stand'
 
 
+@pytest.mark.broken_legs
+@pytest.mark.slow
+def test_a_walker_whose_next_step_is_due_at_no_number_ends_in_damping_and_a_line(
+    playing, monkeypatch
+):
+    monkeypatch.setattr(type(player(playing)), 'due_after', np.nan)
+    playing.run(0.05)
+    assert playing.state == 'passive'
+    said = 'policy: due_after: got nan, wanted a number of seconds'
+    assert said in playing._robot.legs.notice.text
+    playing.press('2')
+    playing.run(2.5)
+    assert playing.state == 'fixed stand'
+
+
 @pytest.mark.slow
 def test_commands_reach_the_network_by_ramps_and_end_when_nobody_repeats_them(playing):
     dog, shown = playing, []

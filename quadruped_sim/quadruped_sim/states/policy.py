@@ -9,6 +9,7 @@ import numpy as np
 from wasd_core.arguments import check
 from wasd_core.errors import suggest, UserError
 from wasd_core.jit import jit
+from wasd_core.parameters import shown
 from wasd_core.robot_io import command_bounds, JointCommand, JointTargets, Senses
 from wasd_core.timing import ROUNDING
 
@@ -173,12 +174,16 @@ class Policy(AfterTrot, Trotting):
     def due_after(self) -> float:
         """How long after the last step the next one is due [s]: targets stay meanwhile."""
         return (
-            0.0 if self._held is None else min(self._walker_due_after - self._waited, LOOK_PERIOD)
+            0.0 if self._held is None else min(LOOK_PERIOD, self._walker_due_after - self._waited)
         )
 
     @property
     def _walker_due_after(self) -> float:
-        return getattr(self._walker, 'due_after', 0.0)
+        """What the walker says, NaN where that is no number: a step is then due, and fails."""
+        try:
+            return float(getattr(self._walker, 'due_after', 0.0))
+        except (TypeError, ValueError):
+            return math.nan
 
     @property
     def _may_step(self) -> bool:
@@ -194,7 +199,7 @@ class Policy(AfterTrot, Trotting):
             return stiff_command(self._parts.model, pose)
         self._feel(self.trust, robot.flat, dt)
         self._waited += dt
-        if self._held is None or self._waited > self._walker_due_after - ROUNDING:
+        if self._held is None or not self._waited <= self._walker_due_after - ROUNDING:
             self._held = self._walk(robot, self._waited)
             self._waited = 0.0
         return self._held
@@ -204,7 +209,7 @@ class Policy(AfterTrot, Trotting):
         Step the walker, `dt` [s] after its last step.
 
         Raises:
-            ValueError: it gives no targets of this robot.
+            ValueError: it gives no targets of this robot, or no time for its next step.
         """
         self._read_command()
         asked = self._parts.command_filter
@@ -219,6 +224,9 @@ class Policy(AfterTrot, Trotting):
         shapes, wanted = [each.shape for each in targets], self._ours.shape
         if shapes != [wanted] * 3:
             raise ValueError(f'policy: got targets of shapes {shapes}, wanted 3 of {wanted}')
+        if math.isnan(self._walker_due_after):
+            due = shown(self._walker.due_after)  # type: ignore[attr-defined]
+            raise ValueError(f'policy: due_after: got {due}, wanted a number of seconds')
         position, kp, kd = targets
         position = self._sign * position.take(self._ours) + self._zero
         return JointCommand(position, _ZERO, _ZERO, kp.take(self._ours), kd.take(self._ours))
