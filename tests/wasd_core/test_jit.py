@@ -36,6 +36,22 @@ FRESH = """
 from kernels.size import size
 print(size(), *size.stats.cache_hits.values())
 """
+# numba with another name for one thing of its own.
+OTHER_NUMBA = """
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+get_code = SourceFileLoader.get_code
+
+def renamed(self, name):
+    if not name.startswith('numba.') or (data := Path(self.path).read_bytes()).count(NAME) == 0:
+        return get_code(self, name)
+    return compile(data.replace(NAME, b'_of_another_numba'), self.path, 'exec')
+
+SourceFileLoader.get_code = renamed
+import importlib
+import kernels.size
+print(kernels.size.size(), importlib.reload(kernels.size).size())
+"""
 
 
 class Kernels:
@@ -131,6 +147,14 @@ def test_a_kernel_knows_the_other_files_of_its_package_under_any_name_of_it(kern
     (kernels.package / 'gait').mkdir()
     (kernels.package / 'gait/moved.py').touch()
     assert kernels.use() == '22'
+
+
+@pytest.mark.parametrize(
+    'name',
+    ['_load_defined_symbols', 'JITCodeLibrary', '_finalize_final_module', 'from_struct_dtype'],
+)
+def test_a_numba_without_a_name_that_is_replaced_compiles_and_loads(kernels, name):
+    assert kernels.run(f'NAME = {name.encode()!r}\n{OTHER_NUMBA}') == '1 1'
 
 
 def test_a_state_that_comes_back_is_still_compiled_until_many_others_came(kernels):

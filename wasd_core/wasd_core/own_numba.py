@@ -67,12 +67,14 @@ def _defines(module: Any, name: str) -> bool:
     return False
 
 
+_Engine: Any = getattr(codegen, 'JitEngine', None)
+_JitLibrary: Any = getattr(codegen, 'JITCodeLibrary', object)
 # numba lists all names of each module that it loads, a call of LLVM for each of thousands: a sixth
 # of the time in which a controller's functions are loaded. A few of them are ever asked for. A
-# numba that does so in another way is left alone.
-if hasattr(codegen.JitEngine, '_load_defined_symbols'):
-    codegen.JitEngine._load_defined_symbols = _remember_module  # type: ignore[method-assign]
-    codegen.JitEngine.is_symbol_defined = _is_symbol_defined  # type: ignore[method-assign]
+# numba that does so in another way is left alone, here and below.
+if hasattr(_Engine, '_load_defined_symbols'):
+    _Engine._load_defined_symbols = _remember_module
+    _Engine.is_symbol_defined = _is_symbol_defined
 
 
 class _Unparsed:
@@ -89,7 +91,7 @@ class _Unparsed:
         return getattr(self._module, name)
 
 
-class _Library(codegen.JITCodeLibrary):
+class _Library(_JitLibrary):  # type: ignore[misc]
     """One that does not parse bitcode as it is loaded, which takes half of the time of that."""
 
     @classmethod
@@ -107,16 +109,20 @@ class _Library(codegen.JITCodeLibrary):
 
     def get_pointer_to_function(self, name: str) -> Any:
         """Return where a function is; of one from the cache its wrapper is there for sure."""
-        if isinstance(self._shared_module, _Unparsed) and name.startswith(WRAPPER):
+        if isinstance(getattr(self, '_shared_module', None), _Unparsed) and name.startswith(
+            WRAPPER
+        ):
             return self._codegen._engine.get_function_address(name)
         return super().get_pointer_to_function(name)
 
 
 # The prefix of the names of wrappers, by which Python calls compiled functions.
 WRAPPER = '_ZN7cpython'
-codegen.JITCPUCodegen._library_class = _Library
+_NEEDED = ('_unserialize', '_set_compiled_object', '_finalize_final_module')
+if hasattr(_Engine, '_load_defined_symbols') and all(hasattr(_JitLibrary, n) for n in _NEEDED):
+    codegen.JITCPUCodegen._library_class = _Library
 
-_find_record = numpy_support.from_struct_dtype
+_find_record: Any = getattr(numpy_support, 'from_struct_dtype', None)
 
 
 @functools.cache
@@ -126,7 +132,8 @@ def _record_of(dtype: Any, is_aligned: bool) -> Any:
 
 
 # numba finds the type of each array that a function is first called with, field by field.
-numpy_support.from_struct_dtype = lambda dtype: _record_of(dtype, dtype.isalignedstruct)
+if _find_record is not None:
+    numpy_support.from_struct_dtype = lambda dtype: _record_of(dtype, dtype.isalignedstruct)
 
 # Functions of numba's own that a cached one calls name their module, which would be imported:
 # numba.np.arraymath, and SciPy with it, for a sum. What is compiled looks at nothing in it.
