@@ -4,6 +4,7 @@
 import errno
 import os
 from pathlib import Path
+import resource
 import stat
 import subprocess
 import sys
@@ -115,6 +116,22 @@ def test_a_device_is_written_to_and_stays_a_device(tmp_path):
     output(path).write(b'text')
     assert stat.S_ISCHR(path.stat().st_mode)
     assert os.listdir(tmp_path) == ['null']
+
+
+def test_a_file_that_grows_has_whole_lines_after_a_full_disk_too(tmp_path):
+    file = output(tmp_path / 'drive.keys', '--save-keys')
+    file.begin(b'0.0 w\n')
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, limits[1]))
+    try:
+        with pytest.raises(OutputError, match='^--save-keys .*drive.keys: File too large$'):
+            file.append(b'1.25 SPACE\n')
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert file.path.read_bytes() == b'0.0 w\n'
+    file.append(b'2.0 s\n')
+    file.close()
+    assert file.path.read_bytes() == b'0.0 w\n2.0 s\n'
 
 
 def test_a_full_device_is_one_line():

@@ -82,7 +82,7 @@ class OutputFile:
 
     def append(self, data: bytes) -> None:
         """
-        Add to what has begun.
+        Add to what has begun, to a regular file all of these bytes or none.
 
         Raises:
             OutputError: the disk is full, the pipe's reader has gone or stands still.
@@ -162,7 +162,12 @@ class OutputFile:
 
     def _send(self, data: bytes) -> None:
         if self.is_regular:
-            _write_all(self._descriptor, data)
+            end = os.lseek(self._descriptor, 0, os.SEEK_CUR)
+            try:
+                _write_all(self._descriptor, data)
+            except OSError:
+                os.ftruncate(self._descriptor, os.lseek(self._descriptor, end, os.SEEK_SET))
+                raise
             return
         # Never more than fits: a reader that stands still must not stop a robot's loop for ever.
         ready = select.poll()
