@@ -6,6 +6,7 @@ Foxglove's library serves every page and does not say where a page is from. So i
 secret address of this machine, and the gate forwards allowed connections there.
 """
 
+from collections import OrderedDict
 from collections.abc import Callable
 import contextlib
 import re
@@ -46,6 +47,7 @@ class Gate:
         self.port: int = self._listener.getsockname()[1]
         self._inner, self._say = inner, say
         self._open: set[socket.socket] = set()
+        self._asking: OrderedDict[socket.socket, bool] = OrderedDict()  # without a request yet
         self._places = threading.BoundedSemaphore(MOST_CLIENTS)
         _start(self._listen)
 
@@ -59,10 +61,18 @@ class Gate:
         with contextlib.suppress(OSError):
             while True:
                 client, _ = self._listener.accept()
-                if self._places.acquire(blocking=False):
+                if self._places.acquire(blocking=False) or self._make_room():
+                    self._asking[client] = True
                     _start(self._lead, client)
                 else:
                     client.close()
+
+    def _make_room(self) -> bool:
+        """Take the place of the client that has not asked for anything for longest."""
+        with contextlib.suppress(KeyError):  # all have
+            _end(self._asking.popitem(last=False)[0])
+            return self._places.acquire(timeout=HEADER_TIMEOUT)
+        return False
 
     def _lead(self, client: socket.socket) -> None:
         """Look at a client's request, then pass on what both sides say until one has ended."""
@@ -71,6 +81,8 @@ class Gate:
                 self._open.add(client)
                 client.settimeout(HEADER_TIMEOUT)
                 request = _read_header(client)
+                if not self._asking.pop(client, False):
+                    return
                 stranger = who_may_not(request)
                 if stranger is not None:
                     self._say(stranger)
@@ -87,6 +99,7 @@ class Gate:
                     back.join()
                     self._open.discard(server)
         finally:
+            self._asking.pop(client, None)
             self._open.discard(client)
             self._places.release()
 
