@@ -146,10 +146,10 @@ class Legs:
                 self._say_event(self.controller.event)
         return self._joints.command(command)
 
-    def e_stop(self) -> None:
+    def e_stop(self, why: str = 'emergency stop') -> None:
         """Go passive at once, and say so, also where they were."""
-        self.controller.e_stop()
-        self._say_event('emergency stop')
+        self.controller.e_stop(why)
+        self._say_event(why)
 
     def reset(self) -> None:
         """Forget the past: passive, in the gait of the start, with nothing said."""

@@ -221,6 +221,21 @@ def test_a_stop_that_does_not_hold_lets_a_new_press_count():
     assert drivers.take('keys', key='2')
 
 
+@for_all('holds', [False, True])
+def test_who_stopped_it_is_told_until_somebody_drives(holds):
+    drivers = make(holds_stops=holds)
+    drivers.stop('topic e_stop')
+    for source in (E_STOP, 'lost'):
+        drivers.take(source, key=' ')
+    drivers.take('topic', velocity=(0.0, 0.0, 0.0))
+    assert drivers.state.last_stop_by == 'topic e_stop'
+    drivers.release(E_STOP)
+    assert drivers.state.last_stop_by == 'topic e_stop'
+    drivers.take('page', key='2')
+    assert drivers.state.driver == 'page'
+    assert drivers.state.last_stop_by == drivers.state.stopped_by == ''
+
+
 def test_a_reset_of_the_robot_ends_no_stop():
     drivers = make(holds_stops=True)
     drivers.stop('keys')

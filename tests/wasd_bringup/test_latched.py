@@ -9,6 +9,7 @@ import re
 import time
 from types import SimpleNamespace
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.ros.foxglove_inbox import Inbox, Target
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.robot import SINCE
 from wasd_bringup.run.run import Run
 from wasd_core.topics import EVENTS
 
@@ -249,6 +251,27 @@ def test_without_the_option_a_stop_ends_what_is_held_and_a_new_press_drives(held
     assert math.dist(held.place, rest) > 0.2
 
 
+def test_without_the_option_too_the_driver_reads_who_stopped_the_robot(held_of):
+    held = held_of('mbot', latched=False)
+    held.session.press('HELD+i', 'page')
+    told = []
+    held.face.drivers._publisher.publish = told.append
+    held.stop('topic e_stop')
+    assert held.robot.status().message == 'drive again (E-STOP by the topic e_stop)'
+    held.session.press('HELD+i', 'page')
+    since = '(refused since E-STOP by the topic e_stop)'
+    assert held.robot.status().message == f'let go of i {since}'
+    held.run(0.1, holds=False)
+    assert {pair.key: pair.value for pair in told[-1].values}['last_stop_by'] == 'topic e_stop'
+    held.run(SILENCE + 0.1, holds=False)
+    assert told[-1].level == DiagnosticStatus.OK
+    held.session.press('RELEASE+i', 'page')
+    held.session.press('HELD+i', 'page')
+    held.run(0.1, holds=False)
+    assert {pair.key: pair.value for pair in told[-1].values}['last_stop_by'] == ''
+    assert SINCE not in held.robot.status().message
+
+
 def test_a_driver_of_ones_own_is_one_file(held_of):
     (text,) = re.findall(r'```python\n(.*?)```', DOCS.read_text(), re.DOTALL)
     assert len(text.splitlines()) < 30
@@ -331,7 +354,10 @@ def test_a_key_refused_since_a_stop_tells_how_it_counts_again():
     ):
         run.robot.notice.say(None)
         assert not press()
-        assert run.robot.status().message == f'let go of i{how_long} (refused since a stop)'
+        assert (
+            run.robot.status().message
+            == f'let go of i{how_long} (refused since E-STOP by the keys)'
+        )
     run.press('RELEASE+i')
     run.press('HELD+i')
     assert 'let go' not in run.robot.status().message

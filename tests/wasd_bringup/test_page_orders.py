@@ -215,7 +215,7 @@ def test_the_emergency_stop_is_answered_in_one_line(ros, run_of, state, preset, 
     run.order('e-stop')
     run.session.simulation.advance(300)
     assert run.heard == [['1', stack.stop_key]]
-    assert stack.notice.text == 'press 2 to stand (passive: emergency stop)'
+    assert stack.notice.text == 'press 2 to stand (passive: E-STOP by the page)'
     said = capfd.readouterr().err.splitlines()
     assert len(said) == 1, said
     run.session.press('1')  # somebody's key is answered
@@ -253,7 +253,10 @@ def test_after_an_emergency_stop_others_are_refused_until_they_were_silent_or_se
     run = run_of('mbot', 'mbot', make_ros_run)
     robot, simulation = run.session.robot, run.session.simulation
     follow = run.session.face.faces[0].controller.node.cmd_vel.on_velocity
-    admit, words = lambda velocity: follow(velocity, 0.0), REFUSED.format('/cmd_vel')
+    admit, words = (
+        lambda velocity: follow(velocity, 0.0),
+        f'{REFUSED.format("/cmd_vel")} (refused since E-STOP by the page)',
+    )
     silent = round((SILENCE + 0.1) / run.session.world.time_step)
     for lets_go in (lambda: admit((0.0, 0.0, 0.0)), lambda: simulation.advance(silent)):
         assert admit((0.2, 0.0, 0.0))

@@ -156,7 +156,7 @@ def scenario_the_emergency_stop_stops_all_robots_at_once(page: Page) -> None:
     page.wait_until(lambda: target.target.linear == 0.0, 'mbot stands')
     legs = page.robot.legs.controller
     page.wait_until(lambda: legs.state == 'passive', 'the legs are passive')
-    assert legs.event == 'emergency stop'
+    assert legs.event == 'E-STOP by the page'
     page.click('robot go2')
     page.wait_until(lambda: page.snapshot.state == 'passive', 'go2 again')
 

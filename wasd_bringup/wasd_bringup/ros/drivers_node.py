@@ -58,6 +58,7 @@ def to_status(state: DriverState, name: str) -> DiagnosticStatus:
         'asks': ' '.join(name.replace(' ', '_') for name in state.asks),
         'stopped_by': state.stopped_by,
         'guard': state.guard,
+        'last_stop_by': state.last_stop_by,
     }
     message.values = [KeyValue(key=key, value=value) for key, value in values.items()]
     return message

@@ -51,7 +51,8 @@ class DriverState(NamedTuple):
     """
     Who drives ('' for nobody), since when [s], by which right; who asks; who stopped it.
 
-    `guard` is what a guard does to the command: '' for nothing, `approach`, `stop`, ...
+    `stopped_by` is the source of a stop that holds, `last_stop_by` that of the last stop, until
+    somebody drives. `guard` is what a guard does to the command: '' for nothing, `approach`, ...
     """
 
     driver: str = ''
@@ -60,6 +61,7 @@ class DriverState(NamedTuple):
     asks: tuple[str, ...] = ()
     stopped_by: str = ''
     guard: str = ''
+    last_stop_by: str = ''
 
 
 @dataclass
@@ -78,6 +80,11 @@ class _Hold:
     def held(self) -> Held:
         """What moves the robot now: a pressed or latched key, a velocity."""
         return Held(bool(self.down) or self.is_latched, self.is_driving)
+
+    @property
+    def drives(self) -> bool:
+        """Whether it moves the robot, or may press a key without releases again."""
+        return any(self.held) or bool(self.ages)
 
     def let_go(self) -> None:
         """Release everything."""
@@ -109,6 +116,7 @@ class Drivers:
         self._holds: dict[str, _Hold] = {}
         self._driver, self._since = '', 0.0
         self.stopped_by = ''  # the source of a stop that holds
+        self.last_stop_by = ''  # that of the last stop, until somebody drives
         # What a guard does to the command.
         self.guard: Callable[[], str] = lambda: ''
         self.time = 0.0  # simulated [s], told by who steps the run
@@ -119,15 +127,16 @@ class Drivers:
     @property
     def state(self) -> DriverState:
         """Who drives now, and who asks."""
+        state = DriverState(asks=self._asking(), last_stop_by=self.last_stop_by)
         if self.stopped_by:
-            stop = right_of(E_STOP)
-            return DriverState(E_STOP, self._since, stop, self._asking(), self.stopped_by)
+            state = state._replace(stopped_by=self.stopped_by)
+            return state._replace(driver=E_STOP, since=self._since, right=right_of(E_STOP))
+        state = state._replace(guard=self.guard())
         hold = self._holds.get(self._driver)
-        # A key without releases may be pressed again until it was silent for long enough.
-        if hold is None or not (any(hold.held) or hold.ages):
-            return DriverState(asks=self._asking(), guard=self.guard())
+        if hold is None or not hold.drives:
+            return state
         right = right_of(self._driver)
-        return DriverState(self._driver, self._since, right, self._asking(), guard=self.guard())
+        return state._replace(driver=self._driver, since=self._since, right=right)
 
     def held(self, source: str) -> Held:
         """Return what of a source moves the robot: pressed or latched keys, a velocity."""
@@ -160,6 +169,8 @@ class Drivers:
             tell(source, what or ('a key' if key else 'a velocity'))
         if begins:
             self._driver, self._since = source, self.time
+        if hold.drives and right_of(source) != 'stop':
+            self.last_stop_by = ''
         return True
 
     def release(self, source: str) -> Held:
@@ -172,6 +183,7 @@ class Drivers:
     def stop(self, by: str) -> None:
         """Stop the robot for a source; a latched stop holds until its release."""
         self.disarm()
+        self.last_stop_by = by
         if self._holds_stops and not self.stopped_by:
             self.stopped_by, self._since = by, self.time
 

@@ -352,9 +352,9 @@ class Go2(Robot):
     def _keys_are_velocities(self) -> bool:
         return self.options.preset != UNITREE_PRESET
 
-    def let_go(self) -> None:
+    def let_go(self, why: str = 'emergency stop') -> None:
         """Make the legs limp at once; after a key the robot squats first."""
-        self.legs.e_stop()
+        self.legs.e_stop(why)
 
     def press_state(self, key: str) -> str:
         """Handle a key for the legs, by its name on the layout; return its name on qwerty."""

@@ -134,9 +134,9 @@ class Legged(Robot):
             self.hoist.take()
             self.say('the hoist holds it')
 
-    def let_go(self) -> None:
+    def let_go(self, why: str = 'emergency stop') -> None:
         """Be limp at once."""
-        self.controller.let_go('emergency stop: motors damp')
+        self.controller.let_go(f'{why}: motors damp')
 
     def reset(self) -> None:
         """Forget the past: passive, on the hoist, at the start."""

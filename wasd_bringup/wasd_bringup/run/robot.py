@@ -38,9 +38,10 @@ FullVelocity = tuple[float, float, float, float]
 
 STANDSTILL = (0.0, 0.0, 0.0)
 # The sender may not know that the robot was stopped.
-REFUSED = 'stop the publisher of {}, or send a zero (refused since E-STOP)'
-SINCE_STOP = '(refused since a stop)'
-LET_GO = 'let go of {}{} ' + SINCE_STOP
+REFUSED = 'stop the publisher of {}, or send a zero'
+LET_GO = 'let go of {}{}'
+SINCE = '(refused since '
+STOPPED = 'E-STOP by the {}'
 HOLDS = 'ENTER releases E-STOP (by the {})'
 # Zeros that end it all are told so often: one may be lost.
 LAST_ZEROS = 3
@@ -230,10 +231,10 @@ class Robot(ABC):
             return True
         if not self.drivers.take(by, key=key):
             if key:
-                self.say(_let_go(key))
+                self._say_refused(_let_go(key))
             self.say_if_stopped()
             return False
-        if self.notice.text.endswith(SINCE_STOP):
+        if SINCE in self.notice.text:
             self.notice.say(None)  # it counts again, or is released
         self._obey(key, is_pressed=by not in (E_STOP, LOST))
         return True
@@ -259,7 +260,7 @@ class Robot(ABC):
         self.drivers.stop(by)
         if self._script is not None:
             self._script.end()
-        self.let_go()
+        self.let_go(STOPPED.format(by))
 
     def heeds_e_stop(self, key: str, by: str) -> bool:
         """Return whether a key is that of the e-stop, for any source; if it goes down, stop."""
@@ -270,8 +271,9 @@ class Robot(ABC):
             self.on_e_stop(by)
         return True
 
-    def let_go(self) -> None:  # noqa: B027  # keys are enough for most
-        """Stop faster than keys can, at an e-stop."""
+    def let_go(self, why: str = 'emergency stop') -> None:
+        """Stop faster than keys can, at an e-stop, and say why; keys are enough for most."""
+        self.say(f'drive again ({why})')
 
     def end_e_stop(self) -> None:
         """Release a latched stop: a source must press again to drive."""
@@ -284,7 +286,7 @@ class Robot(ABC):
         if self.drivers.take('topic', **taken, what=f'somebody on {topic}'):
             return True
         key = taken.get('key')
-        self.say(_let_go(key) if key else REFUSED.format(topic))
+        self._say_refused(_let_go(key) if key else REFUSED.format(topic))
         self.say_if_stopped()
         return False
 
@@ -318,6 +320,10 @@ class Robot(ABC):
         if self.stop_words:
             self.say(self.stop_words)
         return bool(self.stop_words)
+
+    def _say_refused(self, cure: str) -> None:
+        by = self.drivers.last_stop_by
+        self.say(f'{cure} {SINCE}{STOPPED.format(by) if by else "a stop"})')
 
     def reset(self) -> None:
         """Forget the past: commands, ramps, estimates."""
