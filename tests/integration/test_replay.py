@@ -57,6 +57,14 @@ def test_the_commands_driven_again_go_the_same_way(run: Any) -> None:
     assert (done.returncode, done.stdout) == (0, '250 of 250 recorded poses are identical\n')
 
 
+def test_a_speed_or_port_that_nobody_sees_is_told_and_changes_nothing(run: Any) -> None:
+    runner = run[0].anew()
+    quiet = runner('replay', 'run.mcap', '--viewer', 'none')
+    done = runner('replay', 'run.mcap', '--viewer', 'none', '--speed', '5', '--port', '8090')
+    assert (done.returncode, done.stdout) == (quiet.returncode, quiet.stdout)
+    assert done.stderr == quiet.stderr + 'WARNING: without effect here: --port, --speed\n'
+
+
 def test_velocities_are_driven_again_too(run: Any) -> None:
     runner, _ = run
     words = ('mbot', '--duration', '3', '--record', 'twist.mcap')

@@ -10,8 +10,8 @@ from pathlib import Path
 from cases import for_all
 from mujoco_sim.parameters import Payload, Untold
 import pytest
-from wasd_bringup.cli import make_parser
-from wasd_bringup.cli.options import add_run_options, OPTIONS, read_options
+from wasd_bringup.cli import main, make_parser
+from wasd_bringup.cli.options import add_run_options, OPTIONS, read_options, vain_words
 from wasd_bringup.robots import WHEELS
 from wasd_bringup.run.options import AFTERGLOW
 from wasd_bringup.tools.recording.reader import describe_run, recorded_options
@@ -48,6 +48,34 @@ def test_defaults_are_those_of_the_contract(read):
     assert (options.viewer, options.untold) == (None, Untold())
     assert options.keys is None
     assert not options.scripted
+
+
+@pytest.mark.parametrize(
+    ('words', 'has', 'vain'),
+    [
+        ('', {'page': False, 'lidar': False, 'physics': False}, ''),
+        ('--port 0 --no-open --seed 3', {'page': False}, '--port --no-open'),
+        ('--port 0 --no-open --lidar a1', {'page': True, 'lidar': True}, ''),
+        ('--lidar honest', {'lidar': False}, '--lidar'),
+        ('--payload 2 --friction 1', {'physics': False}, '--payload --friction'),
+    ],
+)
+def test_options_without_what_they_need_are_named(words, has, vain):
+    parser = argparse.ArgumentParser()
+    add_run_options(parser, 'mbot')
+    assert vain_words(parser.parse_args(words.split()), has) == vain.split()
+
+
+@pytest.mark.slow
+def test_what_is_without_effect_is_a_line_and_changes_neither_result_nor_status(capfd):
+    told = []
+    words = 'mbot --mode fake --description mbot_bare --duration 0.1 --speed 0 --viewer none'
+    for more in ('', '--port 0 --lidar a1 --friction 0.5'):
+        assert main([*words.split(), '--no-ros', *more.split()]) == 0
+        told.append(capfd.readouterr())
+    line = 'WARNING: without effect here: --port, --friction, --lidar\n'
+    assert told[1].err == told[0].err + line
+    assert [out.out.partition(';')[2] for out in told][0] == told[1].out.partition(';')[2]
 
 
 def test_a_wheeled_robot_has_no_estimator_to_choose():

@@ -79,6 +79,25 @@ def test_only_a_parameter_that_no_node_of_a_run_has_is_told_as_misspelt(run_with
     assert "unknown parameter 'turnn', did you mean turn?: ignored" in said
 
 
+def test_parameters_that_the_options_overrule_are_told_in_one_line_and_change_nothing(
+    run_with, capfd
+):
+    # Its nodes have these, but the run decides; the keys have a speed of theirs, and a turn.
+    simulator = run_with(seed=7, world='room', speed=0.1, turn=0.5, friction='.nan')
+    said = [line for line in capfd.readouterr().err.splitlines() if 'without effect' in line]
+    assert len(said) == 1
+    assert said[0].startswith('WARNING: without effect here: ')
+    assert {'-p seed', '-p world'} <= set(said[0].rpartition(': ')[2].split(', '))
+    assert '-p speed' not in said[0]
+    assert '-p turn' not in said[0]
+    assert simulator.get_parameter('seed').value == 0
+
+
+def test_parameters_in_force_are_not_told_as_vain(run_with, capfd):
+    run_with(seed=0, speed=0.1, world='flat', lidar='a1')
+    assert 'without effect' not in capfd.readouterr().err
+
+
 def test_a_run_is_the_clock_of_its_nodes_whatever_use_sim_time_is_set_to(run_with):
     simulator = run_with(use_sim_time='true')
     for value in (False, True, False):

@@ -123,6 +123,19 @@ def misspelt_parameters(*nodes: Node) -> list[str]:
     return [f'unknown parameter {name!r}{hint}: ignored' for name, hint in hints.items() if hint]
 
 
+def vain_parameters(*nodes: Node) -> list[str]:
+    """Return those given to one process that have another value in each node that has them."""
+    is_so: dict[str, bool] = {}
+    for node in nodes:
+        # Without those that the node itself was made with.
+        for name, given in node.handle.get_parameters(Parameter).items():
+            if node.has_parameter(name):
+                value = node.get_parameter(name).value
+                same = value == given.value or str(value) == str(given.value)  # NaN
+                is_so[name] = is_so.get(name, False) or same
+    return [name for name, is_in_force in is_so.items() if not is_in_force]
+
+
 def _take_changes(
     node: Node,
     current: ParametersType,

@@ -7,7 +7,7 @@ characters made visible, and an output that fails is one line. `never_wait` come
 drives a robot: from there on a reader who does not read costs text, not time.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 import contextlib
 import errno
 import io
@@ -222,6 +222,12 @@ def unguarded(stream: TextIO) -> Iterator[TextIO]:
 def print_error(error: object) -> None:
     """Say in one line on standard error what is wrong."""
     print(f'error: {error}', file=sys.stderr)
+
+
+def say_vain(words: Sequence[str]) -> None:
+    """Say in one line on standard error which words of the command line are without effect."""
+    if words:
+        print(f'WARNING: without effect here: {", ".join(words)}', file=sys.stderr, flush=True)
 
 
 def lost_output(error: OutputLost) -> int:

@@ -75,6 +75,7 @@ class Option:
     read: Read = lambda value, word: value
     of: str = EVERY
     usual: str = ''
+    needs: str = ''  # what a run must have, else the option is without effect: see `Run.has`
     how: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
@@ -315,6 +316,7 @@ OPTIONS = (
     ),
     Option(
         word='--push',
+        needs='physics',
         help='push the robot for S seconds, world frame [N] (repeatable); three more numbers give '
         "a point in the base's frame [m]; default: the centre of mass",
         of=ONE,
@@ -324,6 +326,7 @@ OPTIONS = (
     ),
     Option(
         word='--payload',
+        needs='physics',
         help=f'add a load to the base, <= {HEAVIEST:g} kg (a Go2 carries 8), at a point in its '
         'frame [m], unknown to the controller (default: none; at the origin)',
         of=ONE,
@@ -339,12 +342,14 @@ OPTIONS = (
     ),
     Option(
         word='--port',
+        needs='page',
         help='port of the page (default: 8080 or next)',
         read=partial(read_whole, MOST_PORT),
         how={'metavar': 'N'},
     ),
     Option(
         word='--no-open',
+        needs='page',
         help="print the page's address, but do not open it in your browser",
         field='opens_page',
         read=lambda given, word: not given,
@@ -462,6 +467,7 @@ OPTIONS = (
     ),
     Option(
         word='--friction',
+        needs='physics',
         help='friction of feet or wheels, unknown to the controller (default: the robot file)',
         field='untold.friction',
         read=read_untold,
@@ -469,6 +475,7 @@ OPTIONS = (
     ),
     Option(
         word='--lidar',
+        needs='lidar',
         help='honest: each ray at its own time, with noise and gaps (default); ideal: all rays at '
         'one time; or the model of a real planar lidar',
         how={'choices': LIDAR_NAMES},
@@ -615,6 +622,15 @@ def options_of(command: str) -> list[Option]:
     """Return the options of a command that runs robots."""
     places = {EVERY, LEGS} if command == BOTH else {EVERY, ONE, *ROBOTS[command].kind.options}
     return [option for option in OPTIONS if option.of in places]
+
+
+def vain_words(arguments: argparse.Namespace, has: Mapping[str, bool]) -> list[str]:
+    """Return the options that were given to a run without what they need."""
+    return [
+        option.word
+        for option in options_of(arguments.robot)
+        if not has.get(option.needs, True) and getattr(arguments, option.attribute) is not None
+    ]
 
 
 def place_of(word: str) -> str:

@@ -20,9 +20,9 @@ from teleop_keyboard.screen import folded
 from teleop_keyboard.terminal import NoTerminal
 from wasd_core.errors import attempt_all, Stopped, UserError
 from wasd_core.signals import last_status, leave, StopSignals
-from wasd_core.streams import never_wait
+from wasd_core.streams import never_wait, say_vain
 
-from wasd_bringup.cli.options import read_options
+from wasd_bringup.cli.options import read_options, vain_words
 from wasd_bringup.page.restart import become
 from wasd_bringup.run.options import choose_range, RunOptions
 from wasd_bringup.run.run import Run
@@ -75,6 +75,7 @@ def run_command(
     def do() -> None:
         run = make_run(options, reader, viewer != 'none', ends)
         made.append(run)
+        say_vain(vain_words(arguments, {'page': viewer == 'web', **run.has}))
         # Robots stop when the process is suspended, or ended in the midst of something.
         stop.last_words.insert(0, run.stop)
         if reader is not None and reader.terminal is not None:

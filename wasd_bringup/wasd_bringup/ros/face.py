@@ -23,10 +23,10 @@ from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from wasd_core.errors import UserError
 from wasd_core.messages import to_transform
 from wasd_core.node import MessagePump
-from wasd_core.ros_parameters import misspelt_parameters
+from wasd_core.ros_parameters import misspelt_parameters, vain_parameters
 from wasd_core.rotations import Pose
 from wasd_core.signals import letting_go
-from wasd_core.streams import visible
+from wasd_core.streams import say_vain, visible
 from wasd_core.topics import PublisherWatch, TfBroadcaster
 
 from wasd_bringup.robots import HUMANOID, load_class
@@ -184,6 +184,7 @@ class RosFaces(Face):
         self._let_drive()
         for text in misspelt_parameters(*self.nodes):
             self.nodes[0].get_logger().warning(visible(text))
+        say_vain([f'-p {name}' for name in vain_parameters(*self.nodes)])
         time_source = TimeSource()
         time_source.ros_time_is_active = True
         idle = [node for face in self.faces for node in face.idle_nodes]

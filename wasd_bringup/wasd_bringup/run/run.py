@@ -7,6 +7,8 @@ import sys
 import time
 from typing import Any, TYPE_CHECKING
 
+from mujoco_sim.sensors.cloud import CloudTag
+from mujoco_sim.sensors.lidar import LidarTag
 from mujoco_sim.world import World
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.key_reader import KeyReader
@@ -259,6 +261,15 @@ class Run:
         for robot in self.robots:
             robot.end_e_stop()
         return held
+
+    @property
+    def has(self) -> dict[str, bool]:
+        """What there is of what some options need."""
+        tags = [tag for robot in self.robots for tag in robot.sensors.tags]
+        return {
+            'lidar': any(isinstance(tag, (LidarTag, CloudTag)) for tag in tags),
+            'physics': not all(robot.options.is_fake for robot in self.robots),
+        }
 
     def join(self, driver: Driver) -> None:
         """Add a driver; the run calls it like the others, and closes it at the end."""

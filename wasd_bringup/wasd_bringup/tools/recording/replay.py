@@ -24,6 +24,7 @@ from std_msgs.msg import String
 from wasd_core.network import set_range
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
+from wasd_core.streams import say_vain
 
 from wasd_bringup.cli.options import read_number
 from wasd_bringup.ros.face import make_ros_run
@@ -243,6 +244,9 @@ def replay_command(arguments: argparse.Namespace) -> int:
     viewer = arguments.viewer or ('web' if sys.stdout.isatty() else 'none')
     usual = '0' if viewer == 'none' else '1'
     speed = read_number(arguments.speed or usual, '--speed')
+    if viewer == 'none':
+        given = {'--port': arguments.port, '--speed': not arguments.drive and arguments.speed}
+        say_vain([word for word, value in given.items() if value])
     with StopSignals() as stop:
         if arguments.drive:
             options = dataclasses.replace(options, speed=speed, commands=read_commands(bag))
