@@ -127,9 +127,10 @@ def test_an_episode_after_a_reset_has_the_bits_of_the_first_and_of_a_new_robot()
 def test_the_page_tells_after_which_periods_a_reset_gives_the_same_bits():
     import wasd as own
 
-    robots = own.Go2(), own.Mbot()
-    periods = "{:g} ms, mbot's {:g} ms".format(*(1e3 * each._robot.period for each in robots))
-    assert f'({periods})' in (ROOT / 'docs' / 'your_own_script.md').read_text()
+    page = (ROOT / 'docs' / 'your_own_script.md').read_text()
+    assert f"the Go2's controller ({1e3 * own.Go2()._robot.period:g} ms)" in page
+    period = 1.0 / own.Mbot()._robot.logic.rate
+    assert f"of mbot's keys ({1e3 * period:g} ms)" in page
 
     def drive(car: own.Mbot) -> list[float]:
         car.drive(0.3, 0.4)
@@ -137,7 +138,7 @@ def test_the_page_tells_after_which_periods_a_reset_gives_the_same_bits():
         return [*car.truth.position, *car.odometry.position]
 
     after = own.Mbot(seed=5)
-    after.run(13 * 0.02)
+    after.run(13 * period)
     after.reset()
     assert drive(after) == drive(own.Mbot(seed=5))
 
