@@ -150,7 +150,9 @@ def _is_sound(name: str, value: Any) -> bool:
 def _in_words(reason: str) -> str:
     """Return what MuJoCo says of a file, the codes of its XML reader in words."""
     words, broken = 'not well-formed XML in UTF-8, line', r"XML parse error .*?number=(\d+)[^']*"
-    return re.sub(broken, lambda found: f'{words} {max(1, int(found[1]))}', reason)
+    said = re.sub(broken, lambda found: f'{words} {max(1, int(found[1]))}', reason)
+    cure = ': a world has no packages, give the path from its own folder'
+    return said + cure * ("'package:" in said)
 
 
 def _count_copies(path: Path, looked: list[Path]) -> float:

@@ -327,6 +327,15 @@ def test_a_world_that_is_no_xml_is_told_in_words_with_its_line(loaded, tmp_path)
         build_world(loaded, str(outer))
 
 
+def test_a_mesh_of_a_package_in_a_world_is_told_with_the_cure(loaded, tmp_path):
+    path = tmp_path / 'house.urdf'
+    mesh = '<geometry><mesh filename="package://house/hut.stl"/></geometry>'
+    link = f'<link name="hut"><collision>{mesh}</collision></link>'
+    path.write_text(f'<robot name="house">{link}</robot>')
+    with pytest.raises(SimulationError, match='hut.stl.* no packages, give the path from its own'):
+        build_world(loaded, str(path))
+
+
 def test_a_name_in_a_world_that_is_not_utf_8_is_told(loaded, tmp_path):
     path = tmp_path / 'world.xml'
     declared = '<?xml version="1.0" encoding="latin-1"?>'
