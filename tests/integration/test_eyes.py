@@ -132,6 +132,17 @@ def test_after_a_reset_it_sees_where_it_is_and_not_where_it_was():
 
 
 @pytest.mark.slow
+def test_after_a_reset_it_walks_by_sight_bit_for_bit_as_before():
+    dog, walked = wasd.Go2('stairs:0.1', seed=121, eyes=True), []
+    for _ in range(2):
+        walk(dog, 1.0)
+        heights = dog._robot.elevation.mapper.elevation.heights()
+        walked.append((heights.tobytes(), *dog.truth.position, *dog.odometry.position))
+        dog.reset()
+    assert walked[0] == walked[1]
+
+
+@pytest.mark.slow
 def test_a_lidar_on_a_joint_that_is_held_maps_the_stairs_where_they_are(tmp_path):
     whole = robot_named('go2').urdf
     inertia = 'ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"'

@@ -26,7 +26,7 @@ Receive = Callable[[float, Fields], None]
 @dataclass
 class SensorTopic:
     """
-    A topic of a sensor, relative; the type of sensor_msgs that it has, and its frame.
+    A topic of a sensor, relative; the type of sensor_msgs that it has, its frame and rate [Hz].
 
     `mount` is where that frame is fixed to the robot.
     """
@@ -34,6 +34,7 @@ class SensorTopic:
     name: str
     kind: str
     frame: str
+    rate: float
     mount: Mount
     listeners: list[tuple[Receive, Callable[[], bool]]] = field(default_factory=list)
 
@@ -210,7 +211,7 @@ class _SensorTopics:
             name = getattr(tag, place)
             if name and name not in names:
                 names.add(name)
-                self.topics[place] = SensorTopic(name, kind, tag.frame, mount)
+                self.topics[place] = SensorTopic(name, kind, tag.frame, tag.rate, mount)
 
     def wanted(self) -> dict[str, list[Receive]]:
         """Return the receivers that want something now, by field of the tag; no empty lists."""

@@ -27,12 +27,19 @@ class RobotElevation:
         self.mapper: ElevationMapper | None = None
         self.clouds, self.mapped_at = 0, math.inf
         self._is_for_legs, self._since = False, -math.inf  # when that began [s]
+        self._start = 0  # the tick from which the mapper counts time, as sensors do
         topics = [topic for topic in robot.sensors.topics if topic.kind == 'PointCloud2']
         if topics:
             # On a joint that is held it stays where it is.
             self.mapper = ElevationMapper(topics[0].mount.in_base(robot.world))
+            self._rate = topics[0].rate
             topics[0].listen(self._take, self._is_wanted)
-            robot.simulation.on_reset.append(self.mapper.reset)
+            robot.simulation.on_reset.append(self._reset)
+
+    def _reset(self) -> None:
+        assert self.mapper is not None
+        self._start = self._robot.world.tick
+        self.mapper.reset()
 
     def prepare(self) -> None:
         """Begin anew where the legs' sight begins; to be called before each step of control."""
@@ -47,7 +54,11 @@ class RobotElevation:
             return
         robot = self._robot.legs.controller.robot  # `odometry` computes covariances, too: slower
         if robot is not None:
-            self.mapper.take_pose(self._robot.world.time, robot.base.position, robot.orientation)
+            world = self._robot.world
+            time = (
+                world.tick - self._start
+            ) * world.time_step  # after a reset the same bits again
+            self.mapper.take_pose(time, robot.base.position, robot.orientation)
 
     def _is_wanted(self) -> bool:
         for wants in self.wanted_by:  # noqa: SIM110  # at each step: faster than `any`
@@ -56,9 +67,12 @@ class RobotElevation:
         return False
 
     def _take(self, now: float, fields: dict[str, Any]) -> None:
-        mapper = self.mapper
+        mapper, start = self.mapper, self._start * self._robot.world.time_step
         # One that began before is there only if somebody looked.
-        if mapper is not None and now >= self._since and mapper.take_cloud(now, fields['points']):
+        if mapper is None or now < self._since:
+            return
+        began = round((now - start) * self._rate) / self._rate  # without what a sum rounds
+        if mapper.take_cloud(began, fields['points']):
             self.clouds, self.mapped_at = self.clouds + 1, now
             for tell in self.on_map:
                 tell(mapper.elevation, now)
