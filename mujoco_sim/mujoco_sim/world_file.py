@@ -89,7 +89,9 @@ def tell_of_start(world: str, model: mujoco.MjModel, data: mujoco.MjData, root: 
     """Say where a robot that is at its start is inside what a file describes, or above nothing."""
     own = model.body_rootid[model.geom_bodyid] == root
     pairs, depths = data.contact.geom, -data.contact.dist
-    depths = np.where(own[pairs].sum(axis=1) == 1, depths, 0.0)
+    # What is no geom, as cloth, has the number -1.
+    is_of_both = (pairs >= 0).all(axis=1) & (own[pairs].sum(axis=1) == 1)
+    depths = np.where(is_of_both, depths, 0.0)
     if depths.max(initial=0.0) > DEEP:
         deepest = int(depths.argmax())
         (other,) = (geom for geom in pairs[deepest].tolist() if not own[geom])
@@ -102,7 +104,7 @@ def tell_of_start(world: str, model: mujoco.MjModel, data: mujoco.MjData, root: 
             *(world, depths[deepest], name.removeprefix(PREFIX), hull, *data.xpos[root, :2]),
         )
         return
-    fall = _fall(model, data, own, data.subtree_com[root])
+    fall = 0.0 if model.nflex else _fall(model, data, own, data.subtree_com[root])
     if fall > HIGH:
         what = 'no ground' if math.isinf(fall) else f'the ground {fall:.2f} m'
         LOGGER.warning(

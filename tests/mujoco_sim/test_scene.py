@@ -262,11 +262,19 @@ def test_a_world_of_ranges_without_end_is_taken(loaded, tmp_path, joint, more):
     assert np.isfinite(world.data.qpos).all()
 
 
+TRAMPOLINE = (
+    '<flexcomp type="grid" count="9 9 1" spacing=".4 .4 .1" pos="0 0 -.03" name="cloth" dim="2" '
+    'mass="5" radius=".02"><edge equality="true"/><pin gridrange="0 0 0 8"/>'
+    '<pin gridrange="8 0 8 8"/></flexcomp>'
+)
+
+
 @pytest.mark.parametrize(
     ('geoms', 'told'),
     [
         ('<geom type="plane" size="1 1 1" pos="9 0 0" euler="0 -4 0"/>', 'ground 0.63 m'),
         ('<geom type="plane" size="1 1 1" pos="9 0 0"/>', ''),
+        (TRAMPOLINE, ''),
         ('<geom type="box" size="1 1 .1" pos="0 0 -.1"/>', ''),
         ('<geom type="box" size="1 1 .1" pos="3 0 -.1"/>', 'is no ground below the robot'),
         ('<geom type="box" size="9 9 .1" pos="0 0 -2.1"/>', 'is the ground 2.00 m below'),
