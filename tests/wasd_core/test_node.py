@@ -416,23 +416,6 @@ def test_a_topic_with_many_messages_does_not_make_the_pump_look_at_all_others(sp
     assert looked.count(quiet) == 1
 
 
-def test_rclpy_gathers_what_to_wait_for_only_when_something_has_come(spawn, spin_until):
-    node, heard, gathered = spawn(Node('quiet')), [], []
-    node.create_subscription(String, 'words', heard.append, 10)
-    publisher = node.create_publisher(String, 'words', 10)
-    spin_until(spawn.pump, publisher.get_subscription_count)
-    spawn.pump.EVENT_PERIOD = 1e9
-    spawn.pump.handle(0.1)  # what has woken it, that there is something new, is gone
-    may = spawn.pump.can_execute
-    spawn.pump.can_execute = lambda entity: gathered.append(entity) or may(entity)
-    for _ in range(20):
-        spawn.pump.handle()
-    assert not gathered
-    publisher.publish(String(data='now'))
-    spin_until(spawn.pump, lambda: heard)
-    assert gathered
-
-
 def test_what_a_node_gets_and_loses_between_two_looks_is_heard_and_harms_nothing(
     spawn, spin_until
 ):

@@ -12,7 +12,7 @@ import time
 from typing import Any, TypeVar
 
 import rclpy
-from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError, WaitSet
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.event_handler import EventHandler
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import (
@@ -25,7 +25,6 @@ import rclpy.logging
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time_source import CLOCK_TOPIC
-from rclpy.waitable import NumberOfEntities
 
 from wasd_core.errors import Stopped, UserError
 from wasd_core.network import (
@@ -254,72 +253,6 @@ def run_node(
     return run_program(work)
 
 
-class _Watch:
-    """
-    Says whether anything has come for nodes, events of quality of service left out.
-
-    An executor of rclpy gathers again at each look what there is to wait for; this is made once,
-    for the things that there are, and takes half as long.
-    """
-
-    def __init__(self, nodes: Sequence[Node], guards: Sequence[Any], context: Any) -> None:
-        self._waitables = [
-            each for node in nodes for each in node.waitables if not isinstance(each, EventHandler)
-        ]
-        kinds = {
-            'subscription': [each.handle for node in nodes for each in node.subscriptions],
-            'guard_condition': [each.handle for each in guards],
-            'timer': [each.handle for node in nodes for each in node.timers],
-            'client': [each.handle for node in nodes for each in node.clients],
-            'service': [each.handle for node in nodes for each in node.services],
-        }
-        counts = NumberOfEntities(*map(len, kinds.values()))
-        for each in self._waitables:
-            counts += each.get_num_entities()
-        with context.handle:
-            sizes = [getattr(counts, name) for name in NumberOfEntities.__slots__]
-            self._set = WaitSet(*sizes, context.handle)
-        handles = [handle for part in kinds.values() for handle in part]
-        self._in_use = [context.handle, *handles, *self._waitables]
-        self._kinds = tuple(kinds)
-        self._additions = [
-            (getattr(self._set, f'add_{kind}'), handle)
-            for kind, part in kinds.items()
-            for handle in part
-        ]
-
-    def wait(self, timeout: float) -> bool:
-        """
-        Return whether anything has come, or comes within `timeout` [s].
-
-        Raises:
-            InvalidHandle: something of it is gone.
-        """
-        with _held(self._in_use):
-            self._set.clear_entities()
-            for add, handle in self._additions:
-                add(handle)
-            for each in self._waitables:
-                each.add_to_wait_set(self._set)
-            self._set.wait(round(1e9 * timeout))
-            has_come = any(map(self._set.get_ready_entities, self._kinds))
-            return has_come or any(each.is_ready(self._set) for each in self._waitables)
-
-
-@contextlib.contextmanager
-def _held(things: Sequence[Any]) -> Iterator[None]:
-    """Keep things of ROS from being taken away by another thread."""
-    held = 0
-    try:
-        for thing in things:
-            thing.__enter__()
-            held += 1
-        yield
-    finally:
-        for thing in things[:held]:
-            thing.__exit__(None, None, None)
-
-
 def _is_of_clock(error: BaseException, entity: Any) -> bool:
     """Return whether an error is rclpy's on a time below 0, which anybody can send; tell of it."""
     if not isinstance(error, ValueError) or getattr(entity, 'topic_name', '') != CLOCK_TOPIC:
@@ -332,9 +265,9 @@ class MessagePump(SingleThreadedExecutor):
     """
     An executor for a loop with other work: handles the present messages and returns.
 
-    rclpy makes what it waits for again at each pass, a dozen microseconds for each thing. So it is
-    asked only when something has come; and events of quality of service, one or two for each
-    topic, wait for up to EVENT_PERIOD: rclpy has nothing for them but a line of its log.
+    rclpy makes what it waits for again at each pass, a dozen microseconds for each thing. So
+    events of quality of service, one or two for each topic, wait for up to EVENT_PERIOD: rclpy
+    has nothing for them but a line of its log.
     """
 
     # Handlers run in one go at most, so that a flood of messages cannot stop the caller's loop.
@@ -345,8 +278,6 @@ class MessagePump(SingleThreadedExecutor):
         super().__init__()
         self._looks_at_events, self._events_at = True, -math.inf
         self._only: set[Any] | None = None  # what this pass is about; None: everything
-        self._watch: _Watch | None = None
-        self._has_changed = True  # what there is to wait for, also by another thread
 
     def can_execute(self, entity: Any) -> bool:
         """Whether this pass is about a subscription, a timer or the like."""
@@ -362,48 +293,10 @@ class MessagePump(SingleThreadedExecutor):
         self._looks_at_events = now >= self._events_at + self.EVENT_PERIOD
         if self._looks_at_events:
             self._events_at = now
-        elif not self._only_rclpy_knows:
-            if not self._has_come(timeout):
-                return
-            timeout = 0.0
         try:
             self._handle(timeout)
         finally:
             self._only = None
-
-    def wake(self) -> None:
-        """Note that nodes have got or lost something that can be waited for, or rclpy ends."""
-        self._has_changed = True
-        super().wake()
-
-    def add_node(self, node: Node) -> bool:
-        """Handle a node's messages, too."""
-        self._has_changed = True
-        return super().add_node(node)
-
-    def remove_node(self, node: Node) -> None:
-        """Handle a node's messages no more."""
-        self._has_changed = True
-        super().remove_node(node)
-
-    @property
-    def _only_rclpy_knows(self) -> bool:
-        """Whether only rclpy can tell that something has come."""
-        # A look at the guard of a node takes it; tasks are none of what is waited for.
-        guards = (True for node in self.get_nodes() for _ in node.guards)
-        return bool(self._tasks) or self._is_shutdown or any(guards)
-
-    def _has_come(self, timeout: float) -> bool:
-        """Wait for anything to come; True, too, where that cannot be told."""
-        try:
-            if self._has_changed or self._watch is None:
-                self._has_changed = False  # first: what changes meanwhile is for the next look
-                guards = self._guard, self._sigint_gc
-                self._watch = _Watch(self.get_nodes(), guards, self._context)
-            return self._watch.wait(timeout) or not self._context.ok()
-        except InvalidHandle:  # between a thing's end and the word of it
-            self._has_changed = True
-            return True
 
     def _handle(self, timeout: float) -> None:
         handled: set[Any] = set()  # in this pass
