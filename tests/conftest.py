@@ -16,7 +16,6 @@ from typing import Any
 import expansions
 import pytest
 from terminals import PATIENCE
-import warm_starts
 from wasd_core.shared_memory import FIRST_PORT, PORTS_OF_DOMAIN
 
 pytest_plugins = ['hanging']
@@ -71,13 +70,11 @@ def pytest_collection_finish() -> None:
     """
     Collect garbage from here on, but not what is loaded: it stays till the end.
 
-    And remember what descriptions expand to, see tests/expansions.py, and in what environment
-    programs are started, see tests/warm_starts.py.
+    And remember what descriptions expand to, see tests/expansions.py.
     """
     gc.freeze()
     gc.enable()
     expansions.remember()
-    warm_starts.know_environment()
 
 
 # Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's. Two test runs on

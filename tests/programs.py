@@ -19,8 +19,6 @@ import tempfile
 import traceback
 from typing import Any
 
-import warm_starts
-
 # Becomes Python with the words that follow, whose controlling terminal is the pseudo-terminal on
 # standard input, as a shell's terminal is: then Ctrl-C, typed, is a signal. Without `site` (-S)
 # the first Python starts in a quarter of the time.
@@ -44,8 +42,7 @@ def start(
     """Start a program; `machine` is a process whose interfaces and mounts it is to share."""
     if machine is not None:
         words = ['nsenter', '--target', str(machine), '--net', '--mount', '--', *words]
-    warm = warm_starts.as_warm([*map(str, words)], options, [*ON_TERMINAL])
-    return warm or subprocess.Popen(words, **options)
+    return subprocess.Popen(words, **options)
 
 
 def run(
@@ -54,16 +51,7 @@ def run(
     **options: Any,
 ) -> 'subprocess.CompletedProcess[Any]':
     """Start a program, wait for its end and return what it has said."""
-    pipe = subprocess.PIPE
-    if 'input' in options or 'check' in options:
-        return subprocess.run(words, timeout=timeout, capture_output=True, **options)
-    with start(words, stdout=pipe, stderr=pipe, **options) as process:
-        try:
-            said, errors = process.communicate(timeout=timeout)
-        except BaseException:
-            process.kill()
-            raise
-    return subprocess.CompletedProcess(words, process.returncode, said, errors)
+    return subprocess.run(words, timeout=timeout, capture_output=True, **options)
 
 
 def run_wasd(
@@ -94,7 +82,7 @@ def run_wasd_together(
 @functools.cache
 def _server() -> 'subprocess.Popen[str]':
     pipe = subprocess.PIPE
-    server = warm_starts.Started(['programs'], False, stdin=pipe, stdout=pipe, text=True)
+    server = subprocess.Popen([sys.executable, __file__], stdin=pipe, stdout=pipe, text=True)
     atexit.register(server.kill)
     return server
 
@@ -102,6 +90,7 @@ def _server() -> 'subprocess.Popen[str]':
 def serve(requests: Any, answers: Any) -> None:
     """Run what each line asks for, as a program of its own would, and answer by a line."""
     import expansions
+    import robot_description.description  # noqa: F401
     from wasd_bringup.cli import main
 
     expansions.remember()
