@@ -55,9 +55,8 @@ class RobotElevation:
         robot = self._robot.legs.controller.robot  # `odometry` computes covariances, too: slower
         if robot is not None:
             world = self._robot.world
-            time = (
-                world.tick - self._start
-            ) * world.time_step  # after a reset the same bits again
+            # By ticks, so that the time after a reset has the same bits again.
+            time = (world.tick - self._start) * world.time_step
             self.mapper.take_pose(time, robot.base.position, robot.orientation)
 
     def _is_wanted(self) -> bool:
