@@ -75,7 +75,8 @@ class Drive:
 
     def reach(self, speed):
         """Simulate until the wheels have a speed [m/s]; a busy machine needs more than once."""
-        for _ in range(10):
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
             if self.run(1.0)[-1][1] == pytest.approx(speed, rel=0.1):
                 return
         pytest.fail(f'{self.speeds[-1][1]} m/s, wanted {speed}')
