@@ -28,8 +28,8 @@ from unitree_bridge.utlidar import LidarTopics
 from unitree_bridge.video import FrontVideo
 from unitree_bridge.wire import Wire
 
-# How often LowState is told, SportModeState and the remote, both again under their slow names, and
-# who listens is looked up [Hz].
+# How often LowState is told, SportModeState and the remote, the two states on `rt/lf`,
+# and who listens is looked up [Hz].
 LOW_STATE_RATE = 500.0
 SPORT_STATE_RATE = 50.0
 SLOW_RATE = 20.0

@@ -109,9 +109,8 @@ class _Library(_JitLibrary):  # type: ignore[misc]
 
     def get_pointer_to_function(self, name: str) -> Any:
         """Return where a function is; of one from the cache its wrapper is there for sure."""
-        if isinstance(getattr(self, '_shared_module', None), _Unparsed) and name.startswith(
-            WRAPPER
-        ):
+        is_cached = isinstance(getattr(self, '_shared_module', None), _Unparsed)
+        if is_cached and name.startswith(WRAPPER):
             return self._codegen._engine.get_function_address(name)
         return super().get_pointer_to_function(name)
 
